@@ -81,7 +81,7 @@ class Declared:
             {
                 "path": path,
                 "shape": MENUS[path].shape.name.lower(),
-                "ordered": MENUS[path].ordered,
+                "ordered": MENUS[path].is_ordered,
                 "entire": path in desired.entire,
                 "keys": list(MENUS[path].keys),
                 "rows": [dict(item.values) for item in items],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import pyrage
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.vpn.pki import SealDamaged, unseal_with
+from atlantis_netcfg.vpn.pki import CorruptSealError, unseal_with
 from bench import measure
 from bench.declared import Declared
 from bench.figures import Onboarding
@@ -99,7 +99,7 @@ def _sealed(authority: Path, identity: Secret, devices: int) -> str:
     files = [*(authority / "handouts").rglob("*.age")]
     try:
         opened = sum(len(unseal_with(file.read_bytes(), identity)) > 0 for file in files)
-    except SealDamaged as damaged:
+    except CorruptSealError as damaged:
         return str(damaged)
     return "" if opened == devices + 1 else f"{opened} sealed files, and not {devices + 1}"
 

@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.runs import Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import Outcome, RunEnd, RunStart, Store
 from bench import measure
 from bench.declared import CHECKOUT, ROUTER, SITE
 from bench.figures import Runs
@@ -22,7 +22,7 @@ __all__ = ["kept_runs"]
 
 _COMMANDS = {"runs": ExitCode.DONE, "resume": ExitCode.NOTHING}
 """Our commands, and how they end where no run is unfinished."""
-_STARTED = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=False, command="provision")
+_STARTED = RunStart(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=False, command="provision")
 
 
 def kept_runs(sizes: Sequence[int], calls: int, folder: Path) -> Iterator[Runs]:
@@ -45,7 +45,7 @@ def _state(state: Path, size: int) -> Path:
             journal.save(ROUTER, "# before\n")
             journal.confirm(ROUTER, lambda: "# after\n")
             journal.write(Outcome(device=ROUTER, status="changed", exit=0, message=""))
-            journal.write(RunEnded(exit=0))
+            journal.write(RunEnd(exit=0))
     return state
 
 

@@ -21,7 +21,7 @@ from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.request import LinkOrder, Target
 from atlantis_netcfg.routeros import converge
 from atlantis_netcfg.routeros.link_use import SETTLED_S
-from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs import RunStart, Store
 from bench.declared import ROUTER, SITE, Declared
 from bench.edits import FILTER, damage
 from bench.job import Scenario
@@ -88,9 +88,9 @@ async def _run(
     host, port = proxy.address
     target = Target(host=host, port=port, pin=router.pin or "", host_key=router.host_key)
     request = Request(state=state, rehearsed=True, targets={ROUTER: target}, use=use)
-    run = RunStarted(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=True, command="make bench")
+    run = RunStart(site=SITE, revision="", tool="", hosts=(ROUTER,), rehearsed=True, command="make bench")
     clock = asyncio.get_running_loop().time
-    with Store(state, rehearsed=True).start(run) as journal:
+    with Store(state, is_rehearsal=True).start(run) as journal:
         job = device_job(declared.declaration, declared.declaration.hosts[ROUTER], request, journal, ignore)
         begun = clock()
         result = await converge(job)

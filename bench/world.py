@@ -181,5 +181,5 @@ def _export(twins: SpawnedSite) -> str:
     lines: list[str] = []
     for menu, rows in groupby(statements, key=lambda statement: statement.menu):
         printed = [print_statement(row, path=True) for row in rows]
-        lines += printed if menu in MENUS and MENUS[menu].ordered else sorted(printed)
+        lines += printed if menu in MENUS and MENUS[menu].is_ordered else sorted(printed)
     return "\n".join(lines)

@@ -96,7 +96,7 @@ class Asking:
                 self.how.arguments(site),
                 rehearse=rehearse,
                 via=self.how.via,
-                chosen=lambda declaration: taking_part(declaration, listed, rehearse=rehearse),
+                choose_hosts=lambda declaration: taking_part(declaration, listed, rehearse=rehearse),
             ) as opened,
             listening(opened, (), ignore, self.how.ssh_config) as ears,
         ):
@@ -105,7 +105,7 @@ class Asking:
     def _people(self, site: str) -> Mapping[str, Item]:
         """What people have answered in the latest checklist of the site that is of this declaration."""
         if site not in self._answered:
-            folder = folder_of(Store(state_dir(), rehearsed=self.how.rehearse), site)
+            folder = folder_of(Store(state_dir(), is_rehearsal=self.how.rehearse), site)
             kept = [book.document for book in books(folder) if book.document is not None and book.state in _VALID]
             mine = [entry for entry in kept if entry.inventory == self.declaration.revision]
             # The newest answer counts; a later checklist may be narrowed to other vehicles.

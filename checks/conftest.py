@@ -18,7 +18,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.printable import lines
 from atlantis_netcfg.inventory import choose, load
 from atlantis_netcfg.inventory.model import ServerComputer
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import refuse_examples
 from checks.checklist_asked import Asking, How, answer_lines, waits
 from checks.gateway_promises import Promises, promises
@@ -71,12 +71,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         metafunc.parametrize("entry", list(entries.values()), ids=list(entries))
         return
     hosts = _hosts(metafunc.config)
-    if not any(handled(host) or isinstance(host.device, ServerComputer) for host in hosts):
+    if not any(is_supported(host) or isinstance(host.device, ServerComputer) for host in hosts):
         raise pytest.UsageError(
             "this site has neither a router nor a gateway nor a control centre: nothing would be checked"
         )
     if "router" in metafunc.fixturenames:
-        routers = [host for host in hosts if handled(host)]
+        routers = [host for host in hosts if is_supported(host)]
         _repeat(metafunc, "router", {host.name: host for host in routers}, "router")
     if "promised" in metafunc.fixturenames:
         _parametrize(metafunc, _promises(metafunc.config, hosts))
@@ -128,7 +128,7 @@ def _asking(config: pytest.Config) -> Asking:
         try:
             config.stash[ASKING] = Asking.of(_declaration(config), how, config.getoption("--site"), scope)
             if how.ssh_config is None:
-                refuse_examples(_declaration(config), rehearsed=how.rehearse)
+                refuse_examples(_declaration(config), is_rehearsal=how.rehearse)
         except NetcfgError as error:
             raise pytest.UsageError(f"{error}\n{error.hint or ''}") from error
     return config.stash[ASKING]

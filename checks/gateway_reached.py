@@ -55,7 +55,7 @@ def ask(declaration: Declaration, promised: Promises, ssh_config: str | None) ->
         way = runner.way_in(declaration, promised.host, Request(), ssh_config)
         began = time.time()
         done = way.run("python3 -c %s %s", _PROBE.read_text(encoding="utf-8"), json.dumps(promised.questions()))
-    except runner.NotReached as why:
+    except runner.GatewayUnreachable as why:
         raise NotReached(f"{why}; {why.hint}") from None
     if done.rc != 0:
         raise NotReached(f"{name} could not answer: {done.err.decode(errors='replace').strip()[-600:]}")

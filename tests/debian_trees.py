@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from atlantis_netcfg.computers.containers import PACKAGES
-from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, why_not
+from atlantis_netcfg.emulator.lab import MachineError, TreeSpec, build_rootfs, why_not
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.computers._emulation import tree_spec
 
@@ -35,7 +35,7 @@ def main(words: list[str]) -> int:
     try:
         for spec in TREES[name]:
             build_rootfs(spec)
-    except MachineFailed as error:
+    except MachineError as error:
         sys.stderr.write(f"error: {error}\n       {error.hint}\n")
         return 3
     return 0

@@ -9,10 +9,18 @@ from __future__ import annotations
 
 from atlantis_netcfg.checklist._opening import BookHead
 from atlantis_netcfg.checklist._signing import FILE as KEY
-from atlantis_netcfg.checklist._signing import NotSigned, SigningKeyDamaged, SigningRefused
+from atlantis_netcfg.checklist._signing import ChecklistUsageError, SigningError, SigningKeyError
 from atlantis_netcfg.checklist.answers import Answers, AnswersInvalid, Overriding
 from atlantis_netcfg.checklist.confirmations import Confirmation
-from atlantis_netcfg.checklist.history import Kept, VehicleState, books, changes, last_green, narrowed, since
+from atlantis_netcfg.checklist.history import (
+    SavedChecklist,
+    VehicleState,
+    books,
+    changes,
+    filter_by_scope,
+    last_green,
+    since,
+)
 from atlantis_netcfg.checklist.plan import Checklist, PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.session import Book
 from atlantis_netcfg.checklist.verify import SigningTrouble, verify, verify_report
@@ -24,20 +32,20 @@ __all__ = [
     "Book",
     "BookHead",
     "Checklist",
+    "ChecklistUsageError",
     "Confirmation",
-    "Kept",
-    "NotSigned",
     "Overriding",
     "PlanEntry",
+    "SavedChecklist",
     "Scope",
-    "SigningKeyDamaged",
-    "SigningRefused",
+    "SigningError",
+    "SigningKeyError",
     "SigningTrouble",
     "VehicleState",
     "books",
     "changes",
+    "filter_by_scope",
     "last_green",
-    "narrowed",
     "plan",
     "since",
     "verify",

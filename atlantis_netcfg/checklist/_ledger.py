@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from atlantis_netcfg.checklist._signing import SigningRefused, content, parsed
+from atlantis_netcfg.checklist._signing import ChecklistUsageError, content, parse_json
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
 from atlantis_netcfg.runs import make_private, os_errors_as, unwritable, utc_now, write_atomically
@@ -62,35 +62,35 @@ class RecordedResult(_ChecklistRecord):
     item: Item
 
 
-class ResultSuperseded(_ChecklistRecord):
+class SupersedeResultRecord(_ChecklistRecord):
     """A new book was begun in its place."""
 
     record: Literal["superseded"] = "superseded"
     why: str
 
 
-Record = Annotated[ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded, Field(discriminator="record")]
-_RECORDS: TypeAdapter[ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded] = TypeAdapter(Record)
+Record = Annotated[ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord, Field(discriminator="record")]
+_RECORDS: TypeAdapter[ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord] = TypeAdapter(Record)
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class ChecklistEntry:
     """One record and when it was written."""
 
     at: datetime
-    record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded
+    record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord
 
 
 @dataclass(frozen=True, slots=True)
 class Lines:
     """A log as it was found."""
 
-    records: tuple[Recorded, ...] = ()
+    records: tuple[ChecklistEntry, ...] = ()
     good: int = 0
     """Bytes up to the end of the last record that can be read."""
     last: str = ""
     """SHA-256 of that record's line."""
-    torn: str = ""
+    tail_error: str = ""
     """Why the end was cut off; empty: it was not."""
     damage: str = ""
     """Why what stands there is not what was written."""
@@ -102,42 +102,42 @@ def read(path: Path) -> Lines:
         lines, rest = split(content(path))
     except OSError as error:
         return Lines(damage=f"cannot be read: {error.strerror}")
-    records: list[Recorded] = []
+    records: list[ChecklistEntry] = []
     good, last = 0, ""
     for number, line in enumerate(lines, start=1):
         record = _record(line, last)
         if isinstance(record, str):
             tail = number == len(lines) and not rest and number > 1 and not record.startswith("does not follow")
             text = f"line {number} {record}"
-            return Lines(tuple(records), good, last, torn=text if tail else "", damage="" if tail else text)
+            return Lines(tuple(records), good, last, tail_error=text if tail else "", damage="" if tail else text)
         records.append(record)
         good, last = good + len(line) + 1, hashlib.sha256(line).hexdigest()
-    torn = f"line {len(lines) + 1} is torn: the program was killed while it wrote it" if rest else ""
-    return Lines(tuple(records), good, last, torn=torn)
+    tail_error = f"line {len(lines) + 1} is torn: the program was killed while it wrote it" if rest else ""
+    return Lines(tuple(records), good, last, tail_error=tail_error)
 
 
-def _record(line: bytes, before: str) -> Recorded | str:
+def _record(line: bytes, before: str) -> ChecklistEntry | str:
     """A line's record, or what is wrong with the line."""
     try:
-        data = parsed(line)
+        data = parse_json(line)
         at, follows = datetime.fromisoformat(data.pop("at")), data.pop("before")
         record = _RECORDS.validate_python(data)
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
         return "cannot be read"
-    return Recorded(at, record) if follows == before else "does not follow the line above"
+    return ChecklistEntry(at, record) if follows == before else "does not follow the line above"
 
 
-def replayed(lines: Lines) -> Document | None:
+def rebuild_document(lines: Lines) -> Document | None:
     """The checklist as the records leave it, unsigned; None where there is not even a list."""
-    begun = [recorded.record.document for recorded in lines.records if isinstance(recorded.record, ChecklistBegun)]
-    if not begun:
+    documents = [entry.record.document for entry in lines.records if isinstance(entry.record, ChecklistBegun)]
+    if not documents:
         return None
     results = {
         record.record.item.id: record.record.item
         for record in lines.records
         if isinstance(record.record, RecordedResult)
     }
-    return begun[-1].model_copy(update={"items": tuple(results.get(item.id, item) for item in begun[-1].items)})
+    return documents[-1].model_copy(update={"items": tuple(results.get(item.id, item) for item in documents[-1].items)})
 
 
 class ChecklistLog(EventLog):
@@ -151,13 +151,13 @@ class ChecklistLog(EventLog):
         super().__init__(path, partial(unwritable, "the checklist", path))
         self.cut(lines.good)
 
-    def write(self, record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded) -> None:
+    def write(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> None:
         """Put a record on disk. Raises JournalFailed, and from then on always."""
         line = self._line(record)
         self.append(line + b"\n")
         self._last = hashlib.sha256(line).hexdigest()
 
-    def _line(self, record: ChecklistBegun | GoneOn | RecordedResult | ResultSuperseded) -> bytes:
+    def _line(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> bytes:
         head = {"at": self._now().isoformat(timespec="milliseconds"), "before": self._last}
         data = head | _RECORDS.dump_python(record, mode="json")
         return json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode(errors="replace")
@@ -181,7 +181,7 @@ _READ = ("JPEG", "PNG", "GIF", "WEBP")
 """What every Pillow decodes."""
 _MAX_PIXELS = 120_000_000
 """A telephone has up to 108 million."""
-_SAVED: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
+_SAVE_OPTIONS: dict[str, dict[str, Any]] = {"JPEG": {"quality": 90}, "WEBP": {"lossless": True}}
 """How a picture is encoded, where the encoder would choose something else."""
 _AS_JPEG = "give it as JPEG or PNG: a telephone has that in its settings, and every viewer exports it"
 _HASH_DIGITS = 12
@@ -189,7 +189,7 @@ _NAME_LENGTH = 80
 
 
 @dataclass(frozen=True, slots=True)
-class Copied:
+class CopiedFile:
     """A file that is kept."""
 
     file: str
@@ -201,17 +201,17 @@ class Copied:
 def wrong_with(path: Path) -> tuple[str, str] | None:
     """Why a file cannot be evidence, and what to do; None if it can."""
     try:
-        found = path.lstat()
+        status = path.lstat()
     except OSError:
         return f"there is no file `{path}`", "give the path of a photo or file, from here or from the file of answers"
-    if stat.S_ISLNK(found.st_mode):
+    if stat.S_ISLNK(status.st_mode):
         return f"`{path}` is a symbolic link, and links are not followed", "give the photo or file itself"
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         return f"`{path}` is no file", "give a photo or file, not a folder"
-    if found.st_size > MAX_BYTES:
-        size = f"{found.st_size / 1e6:.0f} MB; {MAX_BYTES // 1_000_000} MB are the most"
+    if status.st_size > MAX_BYTES:
+        size = f"{status.st_size / 1e6:.0f} MB; {MAX_BYTES // 1_000_000} MB are the most"
         return f"`{path}` has {size}", "make it smaller, or give a part of it"
-    return None if found.st_size else (f"`{path}` is empty", "give a file with something in it")
+    return None if status.st_size else (f"`{path}` is empty", "give a file with something in it")
 
 
 def is_picture(path: Path) -> bool:
@@ -224,23 +224,25 @@ def is_picture(path: Path) -> bool:
     return any(_PICTURES[kind].match(start) for kind in _READ)
 
 
-def keep(book: Path, files: Iterable[Path]) -> tuple[Copied, ...]:
+def keep(book: Path, files: Iterable[Path]) -> tuple[CopiedFile, ...]:
     """Copy all of them into the book's folder, or none. Raises Refused, JournalFailed."""
     data = [(path.name, _picture(path, _bytes(path))) for path in files]
-    return tuple(_copied(book, name, item) for name, item in data)
+    return tuple(_store_copy(book, name, item) for name, item in data)
 
 
 def _bytes(path: Path) -> bytes:
     wrong = wrong_with(path)
     if wrong is not None:
-        raise SigningRefused(wrong[0], hint=wrong[1])
+        raise ChecklistUsageError(wrong[0], hint=wrong[1])
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise SigningRefused(f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions") from error
+        raise ChecklistUsageError(
+            f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions"
+        ) from error
     if len(data) > MAX_BYTES:
-        raise SigningRefused(f"`{path}` grows while it is read", hint="give it when it is whole")
+        raise ChecklistUsageError(f"`{path}` grows while it is read", hint="give it when it is whole")
     return data
 
 
@@ -250,7 +252,7 @@ def _picture(path: Path, data: bytes) -> bytes:
     if kind is None:
         return data
     if kind not in _READ:
-        raise SigningRefused(
+        raise ChecklistUsageError(
             f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG
         )
     from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
@@ -260,30 +262,30 @@ def _picture(path: Path, data: bytes) -> bytes:
             warnings.simplefilter("ignore")  # its size is looked at below, and what is odd inside does not stay
             with Image.open(io.BytesIO(data), formats=(kind,)) as image:
                 pixels = image.width * image.height
-                kept = _encoded(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
+                picture = _encode(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
     except Exception as error:  # Pillow raises all sorts for damaged files
-        raise SigningRefused(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
-    if not kept:
-        raise SigningRefused(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
-    return kept
+        raise ChecklistUsageError(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
+    if not picture:
+        raise ChecklistUsageError(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
+    return picture
 
 
-def _encoded(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is imported where it is needed
+def _encode(image: Any, kind: str) -> bytes:  # noqa: ANN401 - Pillow is imported where it is needed
     """The pixels alone, the same for the same photo."""
     from PIL import Image  # noqa: PLC0415 - as above
 
     mode = {"JPEG": "L" if image.mode == "L" else "RGB"}.get(kind, "RGBA" if image.has_transparency_data else "RGB")
     pixels = image.convert(mode)
     bare = Image.frombytes(mode, pixels.size, pixels.tobytes())
-    kept = io.BytesIO()
-    bare.save(kept, kind, **_SAVED.get(kind, {}))
-    return kept.getvalue()
+    buffer = io.BytesIO()
+    bare.save(buffer, kind, **_SAVE_OPTIONS.get(kind, {}))
+    return buffer.getvalue()
 
 
-def _copied(book: Path, name: str, data: bytes) -> Copied:
+def _store_copy(book: Path, name: str, data: bytes) -> CopiedFile:
     digest = hashlib.sha256(data).hexdigest()
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).lstrip(".")[-_NAME_LENGTH:] or "file"
-    copy = Copied(f"{FOLDER}/{digest[:_HASH_DIGITS]}-{plain}", digest, len(data))
+    copy = CopiedFile(f"{FOLDER}/{digest[:_HASH_DIGITS]}-{plain}", digest, len(data))
     path = book / copy.file
     with os_errors_as("the evidence", path):
         make_private(path.parent)

@@ -24,7 +24,7 @@ _SAME_DAY = timedelta(hours=18)
 class BookHead:
     """What a document has besides the list and what was found."""
 
-    rehearsed: bool
+    is_rehearsal: bool
     tool: str
     """Version of this toolkit."""
     inventory: str
@@ -55,12 +55,14 @@ def runs(folder: Path) -> list[Path]:
     return sorted(books, key=lambda path: run_order(path.name))
 
 
-def found(folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now: Callable[[], datetime]) -> FoundBook:
+def find_open_book(
+    folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now: Callable[[], datetime]
+) -> FoundBook:
     """Look for the open book of the same list; one that no longer fits is closed as unfinished, and that is told."""
     words = ""
     for run in reversed(runs(folder)):
         lines = _ledger.read(run / _ledger.FILE)
-        document = _ledger.replayed(lines)
+        document = _ledger.rebuild_document(lines)
         if document is None or _of_another_list(document, checklist) or _over(run, lines):
             continue
         if lines.damage:
@@ -68,11 +70,11 @@ def found(folder: Path, checklist: Checklist, head: BookHead, *, anew: bool, now
             continue
         if why := "it was to be begun anew" if anew else _other(document, head):
             with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
-                ledger.write(_ledger.ResultSuperseded(why=why))
+                ledger.write(_ledger.SupersedeResultRecord(why=why))
             return FoundBook(None, f"the checklist {run.name} stays unfinished, and a new one is begun: {why}")
         _go_on(run, document, checklist, head, now)
-        torn = f"; {lines.torn}, and what it said is asked again" if lines.torn else ""
-        gone_on = f"the checklist {run.name} is gone on with{torn}{_old(now() - document.started)}"
+        tail_note = f"; {lines.tail_error}, and what it said is asked again" if lines.tail_error else ""
+        gone_on = f"the checklist {run.name} is gone on with{tail_note}{_old(now() - document.started)}"
         return FoundBook(run, f"{words}; {gone_on}" if words else gone_on)
     return FoundBook(None, f"{words}: a new one is begun" if words else "")
 
@@ -91,7 +93,7 @@ def _old(age: timedelta) -> str:
 
 def _over(run: Path, lines: _ledger.Lines) -> bool:
     return (run / MANIFEST).exists() or any(
-        isinstance(record.record, _ledger.ResultSuperseded) for record in lines.records
+        isinstance(record.record, _ledger.SupersedeResultRecord) for record in lines.records
     )
 
 
@@ -101,7 +103,7 @@ def _other(document: Document, head: BookHead) -> str:
         return "the inventory has changed since"
     if document.tool != head.tool:
         return f"it was begun with version {document.tool} of this toolkit, this is {head.tool}"
-    if (document.rehearsed, document.broken) != (head.rehearsed, head.broken):
+    if (document.rehearsed, document.broken) != (head.is_rehearsal, head.broken):
         return "other things are broken on purpose now"
     return ""
 
@@ -116,27 +118,27 @@ def _go_on(run: Path, before: Document, checklist: Checklist, head: BookHead, no
 
 def begin(folder: Path, checklist: Checklist, head: BookHead, now: Callable[[], datetime]) -> Path:
     """Put a new book's list on disk, and give its folder. Raises JournalFailed."""
-    started = now()
+    start = now()
     with os_errors_as("the checklist", folder):
         make_private(folder)
-        run = new_run(folder, started, head.run)
+        run = new_run(folder, start, head.run)
         sync_directory(folder)
     with _ledger.ChecklistLog(run / _ledger.FILE, now) as ledger:
-        ledger.write(_ledger.ChecklistBegun(document=_document(run.name, started, checklist, head)))
+        ledger.write(_ledger.ChecklistBegun(document=_document(run.name, start, checklist, head)))
     with os_errors_as("the checklist", run):
         sync_directory(run)
     return run
 
 
-def _document(run: str, started: datetime, checklist: Checklist, head: BookHead) -> Document:
+def _document(run: str, start: datetime, checklist: Checklist, head: BookHead) -> Document:
     return Document(
         run=run,
         site=checklist.site,
         title=checklist.title,
-        rehearsed=head.rehearsed,
+        rehearsed=head.is_rehearsal,
         tool=head.tool,
         inventory=head.inventory,
-        started=started,
+        started=start,
         ended=None,
         scope=checklist.scope.as_dict(),
         mission=checklist.scope.mission,

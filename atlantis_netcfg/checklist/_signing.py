@@ -46,15 +46,15 @@ def canonical(data: object) -> bytes:
     )
 
 
-def written(data: object) -> bytes:
+def render_json(data: object) -> bytes:
     """The form in which a file is kept: whoever prints it prints no control character of a device."""
     return lines(json.dumps(data, ensure_ascii=False, allow_nan=False, indent=1)).encode() + b"\n"
 
 
-def parsed(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds
+def parse_json(data: bytes) -> Any:  # noqa: ANN401 - what JSON holds
     """Read it. Raises ValueError for what two readers could read differently: a key twice, NaN, no UTF-8."""
     try:
-        return json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_refused)
+        return json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_reject_constant)
     except RecursionError:
         raise ValueError("nested too deeply") from None
 
@@ -66,21 +66,21 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def _refused(word: str) -> NoReturn:
+def _reject_constant(word: str) -> NoReturn:
     raise ValueError(f"{word} is no number")
 
 
-class SigningRefused(UsageError):
+class ChecklistUsageError(UsageError):
     """What a person asks of the checklist does not fit it; nothing was written down."""
 
 
-class NotSigned(NetcfgError):
+class SigningError(NetcfgError):
     """Something is open, so that nobody can vouch for the whole; the book stays open."""
 
     exit = ExitCode.CHECKS_FAILED
 
 
-class SigningKeyDamaged(NetcfgError):
+class SigningKeyError(NetcfgError):
     """The key with which this computer signs cannot be used."""
 
     exit = ExitCode.FAILED
@@ -97,32 +97,32 @@ class SigningKey:
     private: Ed25519PrivateKey
 
     @classmethod
-    def known(cls, path: Path) -> SigningKey | None:
+    def load(cls, path: Path) -> SigningKey | None:
         """The key of this computer; None before its first signature. Raises KeyDamaged."""
         try:
             data, mode = path.read_bytes(), path.stat().st_mode
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise SigningKeyDamaged(f"the key for signing cannot be read: {error.strerror} ({path})") from error
+            raise SigningKeyError(f"the key for signing cannot be read: {error.strerror} ({path})") from error
         if mode & _OTHERS:
-            raise SigningKeyDamaged(
+            raise SigningKeyError(
                 f"other users of this computer can read the key for signing ({path})",
                 hint=f"chmod 600 {path}; where others do work here, remove it instead: a new one is made",
             )
-        return cls(_loaded(data, path))
+        return cls(_parse_private_key(data, path))
 
     @classmethod
-    def made(cls, path: Path) -> SigningKey:
+    def load_or_create(cls, path: Path) -> SigningKey:
         """The key of this computer, made if there is none. Of two who make it at once, one wins and both use that."""
-        if (key := cls.known(path)) is not None:
+        if (key := cls.load(path)) is not None:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
         with os_errors_as("the key for signing", path):
             make_private(path.parent)
             with suppress(FileExistsError):  # the other one was first
                 write_atomically(path, pem, replace=False)
-        key = cls.known(path)
+        key = cls.load(path)
         assert key is not None, "it was just made"  # noqa: S101
         return key
 
@@ -155,14 +155,14 @@ def fits(public: str, signature: str, data: bytes) -> bool:
     return True
 
 
-def _loaded(data: bytes, path: Path) -> Ed25519PrivateKey:
+def _parse_private_key(data: bytes, path: Path) -> Ed25519PrivateKey:
     try:
         key = load_pem_private_key(data, password=None)
     except (ValueError, TypeError, UnsupportedAlgorithm):
         key = None
     if not isinstance(key, Ed25519PrivateKey):
         hint = "restore it from a copy, or move it away: a new one is made, and what the old one signed becomes unknown"
-        raise SigningKeyDamaged(f"the key for signing cannot be read ({path})", hint=hint)
+        raise SigningKeyError(f"the key for signing cannot be read ({path})", hint=hint)
     return key
 
 
@@ -198,7 +198,7 @@ def digest(data: dict[str, Any]) -> str:
     return hashlib.sha256(canonical({name: value for name, value in data.items() if name != "signed"})).hexdigest()
 
 
-def signed(document: Document, by: str, at: datetime, key: SigningKey) -> Document:
+def sign_document(document: Document, by: str, at: datetime, key: SigningKey) -> Document:
     """The document with its signature."""
     block = Signature(
         by=by,
@@ -208,21 +208,23 @@ def signed(document: Document, by: str, at: datetime, key: SigningKey) -> Docume
         public=key.public,
         signature="",
     )
-    signature = sealed(block.model_dump(mode="json"), key)["signature"]
+    signature = sign_data(block.model_dump(mode="json"), key)["signature"]
     return document.model_copy(update={"signed": block.model_copy(update={"signature": signature})})
 
 
-def sealed(data: dict[str, Any], key: SigningKey) -> dict[str, Any]:
+def sign_data(data: dict[str, Any], key: SigningKey) -> dict[str, Any]:
     """The data with a signature over all of it: `key` and `public` say whose."""
     whole = data | {"key": key.fingerprint, "public": key.public}
     whole.pop("signature", None)
     return whole | {"signature": key.sign(canonical(whole))}
 
 
-def broken_seal(data: dict[str, Any], known: Collection[str], *, demanded: bool = False) -> Iterator[tuple[str, str]]:
+def broken_seal(
+    data: dict[str, Any], trusted_keys: Collection[str], *, is_explicit: bool = False
+) -> Iterator[tuple[str, str]]:
     """What is wrong with such a signature, and what to do.
 
-    `known`: fingerprints of keys that are trusted; `demanded`: a person has named them, and no other will do.
+    `trusted_keys`: fingerprints of keys that are trusted; `is_explicit`: a person has named them, and no other will do.
     """
     rest = {name: value for name, value in data.items() if name != "signature"}
     public, signature = str(data.get("public", "")), str(data.get("signature", ""))
@@ -231,28 +233,29 @@ def broken_seal(data: dict[str, Any], known: Collection[str], *, demanded: bool 
         return
     if fingerprint(public) != data.get("key"):
         yield "the fingerprint is not that of the key which has signed", "do not rely on it"
-    elif data["key"] not in known:
+    elif data["key"] not in trusted_keys:
         yield (
             f"the key {data['key']} has signed it, and another one was asked for"
-            if demanded
+            if is_explicit
             else f"this computer does not know the key {data['key']} that has signed it",
             "compare the fingerprint with whoever signed, by telephone or on paper, never with the file itself",
         )
 
 
 def _goes_on(document: dict[str, Any]) -> str:
-    rehearsed = " --rehearse" if document["rehearsed"] else ""
+    rehearse_option = " --rehearse" if document["rehearsed"] else ""
     return (
-        f"nobody vouches for it: `provision check site={document['site']}{rehearsed}` goes on with it, on the computer "
+        f"nobody vouches for it: `provision check site={document['site']}{rehearse_option}` goes on with it, "
+        "on the computer "
         "on which it was made"
     )
 
 
-def check_report(data: bytes, known: Collection[str], *, demanded: bool = False) -> Iterator[SigningTrouble]:
+def check_report(data: bytes, trusted_keys: Collection[str], *, is_explicit: bool = False) -> Iterator[SigningTrouble]:
     """Everything in a `report.json` that is not as it was signed."""
     try:
-        document = parsed(data)
-        same = written(document) == data
+        document = parse_json(data)
+        same = render_json(document) == data
         Document.model_validate(document)
     except ValueError:
         yield SigningTrouble(
@@ -269,5 +272,5 @@ def check_report(data: bytes, known: Collection[str], *, demanded: bool = False)
         yield SigningTrouble(
             REPORT, "says what was signed, but not byte for byte as it was written", "ask for the original"
         )
-    for what, hint in broken_seal(block, known, demanded=demanded):
+    for what, hint in broken_seal(block, trusted_keys, is_explicit=is_explicit):
         yield SigningTrouble(REPORT, what, hint)

@@ -38,7 +38,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Finding, report
 from atlantis_netcfg.inventory.model import Model, Text
-from atlantis_netcfg.inventory.yaml_file import Block, meant, read
+from atlantis_netcfg.inventory.yaml_file import Block, read, suggest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -104,8 +104,8 @@ class Overriding:
 class Answers:
     """What people say to one checklist."""
 
-    said: Mapping[str, Confirmation]
-    agreed: Mapping[str, str]
+    confirmations: Mapping[str, Confirmation]
+    consent_by_item: Mapping[str, str]
     """Active item -> who consents, and to what."""
     overrides: Mapping[str, Overriding]
     leave: Mapping[str, str]
@@ -117,7 +117,7 @@ class Answers:
     def read(cls, path: Path, checklist: Checklist) -> Self:
         """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
         block = read(path, _EvidenceFile, "the file of answers")
-        answers = cls(*_taken(block.value, checklist, path.parent)) if block.value is not None else None
+        answers = cls(*_collect_answers(block.value, checklist, path.parent)) if block.value is not None else None
         findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent, answers).findings())
         if findings or answers is None:
             raise AnswersInvalid(findings)
@@ -125,28 +125,28 @@ class Answers:
 
     def confirmation(self, item: str) -> Confirmation | None:
         """The answer to a step; None: there is none."""
-        return self.said.get(item)
+        return self.confirmations.get(item)
 
     def consents(self, item: str) -> str | None:
         """Who consents to an active step, and in which words; None: nobody."""
-        return self.agreed.get(item)
+        return self.consent_by_item.get(item)
 
-    def write_down(self, book: Book, settled: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
-        """Write answers, then overrides into a book; `settled` hears of each item. Gives what was not needed, in words.
+    def write_down(self, book: Book, on_settle: Callable[[Item], None] = lambda _: None) -> tuple[str, ...]:
+        """Write answers, then overrides into a book; `on_settle` is called for each item. Return what was not needed.
 
         The probes have to be through: an override is taken only of what has not passed.
         """
-        for name, confirmation in self.said.items():
-            settled(book.confirm(name, confirmation))
-        needed = {name for name in self.overrides if book.item(name).verdict in OVERRIDABLE}
+        for name, confirmation in self.confirmations.items():
+            on_settle(book.confirm(name, confirmation))
+        needed_overrides = {name for name in self.overrides if book.item(name).verdict in OVERRIDABLE}
         for name, overriding in self.overrides.items():
-            if name in needed:
-                settled(book.override(name, overriding.reason, overriding.by))
-        spare = [name for name in self.overrides if name not in needed]
+            if name in needed_overrides:
+                on_settle(book.override(name, overriding.reason, overriding.by))
+        spare = [name for name in self.overrides if name not in needed_overrides]
         return tuple(f"`{name}` is {book.item(name).verdict}: its override is not needed" for name in spare)
 
 
-def _taken(
+def _collect_answers(
     file: _EvidenceFile, checklist: Checklist, folder: Path
 ) -> tuple[dict[str, Confirmation], dict[str, str], dict[str, Overriding], dict[str, str], str | None]:
     name = file.name or ""
@@ -162,17 +162,17 @@ def _taken(
         for item, answer in file.answers.items()
         if item in items
     }
-    agreed = {item: f"{name}: {words}" for item, words in _consented(file, items).items()}
+    consents = {item: f"{name}: {words}" for item, words in _collect_consents(file, items).items()}
     overrides = {
         item: Overriding(override.reason, override.by or name)
         for item, override in file.overrides.items()
         if item in items
     }
     leave = {item: why for item, why in file.leave.items() if item in items}
-    return values, agreed, overrides, leave, name if file.sign else None
+    return values, consents, overrides, leave, name if file.sign else None
 
 
-def _consented(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[str, str]:
+def _collect_consents(file: _EvidenceFile, items: Mapping[str, Item]) -> dict[str, str]:
     """Consents by item; `all` is to every active item that is neither answered nor left open."""
     active = [name for name, item in items.items() if item.kind is ItemKind.ACTIVE and item.open]
     everything = file.consents.get(ALL)
@@ -220,7 +220,7 @@ class _CheckAnswer:
             return
         item = self._items.get(name)
         if item is None:
-            hint = meant(name, self._items, none="the checklist is empty")
+            hint = suggest(name, self._items, none="the checklist is empty")
             yield self._block.wrong_key((part, name), f"there is no item `{name}` in this checklist", hint)
         elif not item.open:
             yield self._block.wrong_key((part, name), f"`{name}` does not apply: {item.message}", "remove it")
@@ -245,9 +245,9 @@ class _CheckAnswer:
 
     def _people(self, answers: Answers) -> Iterator[Finding]:
         """Whoever is named may answer, override or sign."""
-        said = [(("answers", item), answer.by, "answer") for item, answer in answers.said.items()]
-        said += [(("overrides", item), override.by, "override it") for item, override in answers.overrides.items()]
-        for path, by, what in said:
+        people = [(("answers", item), answer.by, "answer") for item, answer in answers.confirmations.items()]
+        people += [(("overrides", item), override.by, "override it") for item, override in answers.overrides.items()]
+        for path, by, what in people:
             wrong = refused_person(by, self._steps[path[1]].by, what) if by else None
             if wrong is not None:
                 yield self._block.wrong_key(path, *wrong)
@@ -258,7 +258,7 @@ class _CheckAnswer:
 
     def _evidence(self, answers: Answers) -> Iterator[Finding]:
         """What an item asks for besides the answer is given; of a file that is not there it is told already."""
-        for item, answer in answers.said.items():
+        for item, answer in answers.confirmations.items():
             there = not any(map(wrong_with, answer.files))
             wrong = missing_evidence(self._steps[item].evidence, answer) if there else None
             if wrong is not None:

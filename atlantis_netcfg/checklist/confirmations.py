@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from atlantis_netcfg.checklist._ledger import is_picture
-from atlantis_netcfg.checklist._signing import SigningRefused
-from atlantis_netcfg.checklist.probes.step import ITEMS, EvidenceRequest, declared
+from atlantis_netcfg.checklist._signing import ChecklistUsageError
+from atlantis_netcfg.checklist.probes.step import ITEMS, EvidenceRequest, declared_evidence
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import EvidenceKind
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.checklist._ledger import Copied
+    from atlantis_netcfg.checklist._ledger import CopiedFile
     from atlantis_netcfg.checklist.probes.step import Step
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
@@ -106,13 +106,13 @@ _GIVE = {
 }
 
 
-def spoken(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
+def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     """A person's words in one line. Raises Refused where there are none."""
     line = " ".join(text.split())
     if not line:
-        raise SigningRefused(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
+        raise ChecklistUsageError(f"{what} is missing", hint="it stands in the report: somebody vouches for it")
     if len(line) > most or not line.isprintable():
-        raise SigningRefused(
+        raise ChecklistUsageError(
             f"{what} is too long, or holds control characters", hint=f"write at most {most} plain characters"
         )
     return line
@@ -126,36 +126,38 @@ def unskippable(item: Item) -> tuple[str, str] | None:
     return f"`{item.id}` applies at every site: it cannot be skipped", hint
 
 
-def named(name: str) -> str:
+def clean_name(name: str) -> str:
     """A person's name as it stands in the report. Raises Refused."""
-    return spoken(name, "a name", most=_NAME_LENGTH)
+    return clean_text(name, "a name", most=_NAME_LENGTH)
 
 
-def confirmed(
-    item: Item, confirmation: Confirmation, files: Sequence[Copied], at: datetime, step: Step | None = None
+def confirm_item(
+    item: Item, confirmation: Confirmation, files: Sequence[CopiedFile], at: datetime, step: Step | None = None
 ) -> Item:
     """The item as a person has answered it. Raises Refused for what a person cannot say of it.
 
     `step`: who may answer, and what has to be given besides.
     """
-    by = named(confirmation.by)
+    by = clean_name(confirmation.by)
     request = step.evidence if step is not None else EvidenceRequest()
     for wrong in (
         refused_person(by, step.by if step is not None else (), "answer"),
         missing_evidence(request, confirmation),
     ):
         if wrong is not None:
-            raise SigningRefused(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
+            raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
     if item.kind is ItemKind.AUTOMATIC:
         hint = "let it be looked at again, or override it with a reason"
-        raise SigningRefused(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
+        raise ChecklistUsageError(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
     if confirmation.verdict not in SAYABLE:
         words = ", ".join(SAYABLE)
-        raise SigningRefused(f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}")
+        raise ChecklistUsageError(
+            f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}"
+        )
     if confirmation.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
-        raise SigningRefused(wrong[0], hint=wrong[1])
+        raise ChecklistUsageError(wrong[0], hint=wrong[1])
     note = (
-        spoken(confirmation.note, f"the reason for {confirmation.verdict}")
+        clean_text(confirmation.note, f"the reason for {confirmation.verdict}")
         if confirmation.note or confirmation.verdict is not Verdict.PASS
         else ""
     )
@@ -179,8 +181,8 @@ def confirmed(
                 Evidence(
                     type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
                 ),
-                *([declared("asked for", request.words)] if request.words and item.endpoint == ITEMS else []),
-                *(_filed(file, by, at) for file in files),
+                *([declared_evidence("asked for", request.words)] if request.words and item.endpoint == ITEMS else []),
+                *(_file_evidence(file, by, at) for file in files),
                 *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
             "at": at,
@@ -207,16 +209,18 @@ def earlier(item: Item, answer: PersonAnswer | None = None) -> tuple[Evidence, .
 
     `answer`: the new one; the same answer once more replaces nothing.
     """
-    kept = [evidence for evidence in item.evidence if evidence.what in {EARLIER, EARLIER_OVERRIDE}]
+    evidence_list = [evidence for evidence in item.evidence if evidence.what in {EARLIER, EARLIER_OVERRIDE}]
     before = _answer_of(item)
     if before is not None and before == answer:
-        return tuple(kept)
+        return tuple(evidence_list)
     if (override := item.override) is not None:
-        kept.append(_earlier_evidence(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at))
+        evidence_list.append(
+            _earlier_evidence(EARLIER_OVERRIDE, f"{item.verdict}: {override.reason}", override.by, override.at)
+        )
     if before is not None:
         words = f"{before.verdict}: {before.note}" if before.note else str(before.verdict)
-        kept.append(_earlier_evidence(EARLIER, words, before.by, item.at))
-    return tuple(kept)
+        evidence_list.append(_earlier_evidence(EARLIER, words, before.by, item.at))
+    return tuple(evidence_list)
 
 
 def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> Evidence:
@@ -225,17 +229,19 @@ def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> Ev
 
 def _answer_of(item: Item) -> PersonAnswer | None:
     """The answer that an item stands on; None: it is open, or a program has looked."""
-    answered = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
+    is_answer = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
     first = item.evidence[0] if item.evidence else None
-    if not answered or first is None or first.type is not EvidenceType.CONFIRMED or first.by is None:
+    if not is_answer or first is None or first.type is not EvidenceType.CONFIRMED or first.by is None:
         return None
     return PersonAnswer(item.verdict, first.by, "" if first.value == item.verdict else first.value)
 
 
-def _filed(copied: Copied, by: str, at: datetime) -> Evidence:
-    name = copied.file.rpartition("/")[2].partition("-")[2]
-    size = f"{copied.size} bytes"
-    return Evidence(type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=copied.file, sha256=copied.sha256)
+def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> Evidence:
+    name = stored_file.file.rpartition("/")[2].partition("-")[2]
+    size = f"{stored_file.size} bytes"
+    return Evidence(
+        type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=stored_file.file, sha256=stored_file.sha256
+    )
 
 
 def overridden(item: Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> Item:
@@ -244,18 +250,18 @@ def overridden(item: Item, reason: str, by: str, at: datetime, people: Sequence[
     `people`: names of those who alone may take it; none: anybody.
     """
     if (wrong := refused_person(by, people, "override it")) is not None:
-        raise SigningRefused(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
+        raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
     if item.verdict not in OVERRIDABLE:
         hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
-        raise SigningRefused(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
-    taken = Override(reason=spoken(reason, "the reason of an override"), by=named(by), at=at)
-    return item.model_copy(update={"override": taken, "evidence": _with_override(item, taken)})
+        raise ChecklistUsageError(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
+    override = Override(reason=clean_text(reason, "the reason of an override"), by=clean_name(by), at=at)
+    return item.model_copy(update={"override": override, "evidence": _with_override(item, override)})
 
 
-def _with_override(item: Item, taken: Override) -> tuple[Evidence, ...]:
+def _with_override(item: Item, override: Override) -> tuple[Evidence, ...]:
     """Its evidence, and the override that another one replaces; the same once more replaces nothing."""
     before = item.override
-    if before is None or (before.reason, before.by) == (taken.reason, taken.by):
+    if before is None or (before.reason, before.by) == (override.reason, override.by):
         return item.evidence
     words = f"{item.verdict}: {before.reason}"
     return (*item.evidence, _earlier_evidence(EARLIER_OVERRIDE, words, before.by, before.at))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist import _ledger
 from atlantis_netcfg.checklist._opening import runs
-from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report, content, parsed
+from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report, content, parse_json
 from atlantis_netcfg.checklist.report import Document, Item, ItemChange, SinceGreen
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
@@ -31,7 +31,7 @@ class VehicleState(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Kept:
+class SavedChecklist:
     """A checklist of the history."""
 
     folder: Path
@@ -47,40 +47,44 @@ class Kept:
         return self.folder.name
 
 
-def books(folder: Path) -> tuple[Kept, ...]:
+def books(folder: Path) -> tuple[SavedChecklist, ...]:
     """Every checklist of a site (`folder`: its `checks`), newest last."""
-    return tuple(kept for run in runs(folder) if (kept := _kept(run)) is not None)
+    return tuple(checklist for run in runs(folder) if (checklist := _load_checklist(run)) is not None)
 
 
-def _kept(run: Path) -> Kept | None:
+def _load_checklist(run: Path) -> SavedChecklist | None:
     if (run / MANIFEST).exists():
-        return _signed(run)
+        return _load_signed(run)
     lines = _ledger.read(run / _ledger.FILE)
-    document = _ledger.replayed(lines)
+    document = _ledger.rebuild_document(lines)
     if lines.damage:
-        return Kept(run, VehicleState.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
+        return SavedChecklist(run, VehicleState.DAMAGED, document, f"{_ledger.FILE} {lines.damage}")
     if document is None:
-        begun = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
-        return None if begun else Kept(run, VehicleState.DAMAGED, None, f"{_ledger.FILE} is empty")
-    left = [record.record.why for record in lines.records if isinstance(record.record, _ledger.ResultSuperseded)]
-    return Kept(run, VehicleState.UNFINISHED if left else VehicleState.OPEN, document, left[-1] if left else "")
+        is_empty = [path.name for path in run.iterdir()] == [_ledger.FILE]  # killed before the first record
+        return None if is_empty else SavedChecklist(run, VehicleState.DAMAGED, None, f"{_ledger.FILE} is empty")
+    reasons = [
+        record.record.why for record in lines.records if isinstance(record.record, _ledger.SupersedeResultRecord)
+    ]
+    return SavedChecklist(
+        run, VehicleState.UNFINISHED if reasons else VehicleState.OPEN, document, reasons[-1] if reasons else ""
+    )
 
 
-def _signed(run: Path) -> Kept:
+def _load_signed(run: Path) -> SavedChecklist:
     """A signed one by its report, which has to fit its own digest and signature, whosesoever the key is."""
     try:
         data = content(run / REPORT)
-        key = str((parsed(data)["signed"] or {}).get("key"))
+        key = str((parse_json(data)["signed"] or {}).get("key"))
         troubles = list(check_report(data, {key}))
-        document = Document.model_validate(parsed(data))
+        document = Document.model_validate(parse_json(data))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return Kept(run, VehicleState.DAMAGED, None, f"its {REPORT} cannot be read")
-    return Kept(
+        return SavedChecklist(run, VehicleState.DAMAGED, None, f"its {REPORT} cannot be read")
+    return SavedChecklist(
         run, VehicleState.DAMAGED if troubles else VehicleState.SIGNED, document, troubles[0].what if troubles else ""
     )
 
 
-def narrowed(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Document:
+def filter_by_scope(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Document:
     """The document with the items of a scope only."""
     items = tuple(item for item in document.items if _inside(item, scope))
     return document.model_copy(update={"items": items})
@@ -88,7 +92,7 @@ def narrowed(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Docume
 
 def _inside(item: Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
     have = {"vehicle": item.vehicle, "endpoint": item.endpoint, "phase": str(item.phase)}
-    return all(have[name] in chosen for name, chosen in scope.items())
+    return all(have[name] in choices for name, choices in scope.items())
 
 
 def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None, *, but: str = "") -> Document | None:
@@ -97,21 +101,25 @@ def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None,
     A vehicle's last green may so be a checklist of the whole site in which another vehicle failed. `but`: a run that
     does not count.
     """
-    expected = dict(scope or {})
+    expected_scope = dict(scope or {})
     for run in reversed(runs(folder)):
         if run.name == but or not (run / MANIFEST).exists():
             continue
-        kept = _signed(run)
-        if kept.state is not VehicleState.SIGNED or kept.document is None or not _covers(kept.document.scope, expected):
+        checklist = _load_signed(run)
+        if (
+            checklist.state is not VehicleState.SIGNED
+            or checklist.document is None
+            or not _covers(checklist.document.scope, expected_scope)
+        ):
             continue
-        document = narrowed(kept.document, expected)
+        document = filter_by_scope(checklist.document, expected_scope)
         if document.exit is ExitCode.DONE:
             return document
     return None
 
 
 def _covers(wide: Mapping[str, tuple[str, ...]], scope: Mapping[str, tuple[str, ...]]) -> bool:
-    return all(name in scope and set(scope[name]) <= set(chosen) for name, chosen in wide.items())
+    return all(name in scope and set(scope[name]) <= set(choices) for name, choices in wide.items())
 
 
 def since(green: Document | None, now: Document) -> SinceGreen | None:
@@ -124,9 +132,9 @@ def since(green: Document | None, now: Document) -> SinceGreen | None:
 
 def changes(green: Document, now: Document) -> tuple[ItemChange, ...]:
     """Every item that is otherwise now: another verdict or reason, overridden or no longer, new, open, or gone."""
-    before = {item.id: item for item in narrowed(green, now.scope).items}
+    before = {item.id: item for item in filter_by_scope(green, now.scope).items}
     after = {item.id: item for item in now.items}
-    return (*_of_now(before, after), *_gone(before, after))
+    return (*_of_now(before, after), *_find_removed_items(before, after))
 
 
 def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
@@ -153,7 +161,7 @@ def _override(item: Item) -> str:
     return f"{item.override.by}: {item.override.reason}" if item.override is not None else ""
 
 
-def _gone(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
+def _find_removed_items(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
     for name, item in before.items():
         if name not in after:
             yield ItemChange(id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}")

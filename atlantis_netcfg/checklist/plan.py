@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes.items import items_of, people
 from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
-from atlantis_netcfg.core.errors import NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import NoMatchError, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ETHERNET, Column, Endpoints, Guest, Router, SeenFrom, WifiRole
 
@@ -51,7 +51,7 @@ class Scope:
     def as_dict(self) -> dict[str, tuple[str, ...]]:
         """In the words of the command line; what is not narrowed is not in it."""
         words = {"vehicle": self.vehicles, "endpoint": self.endpoints, "phase": tuple(map(str, self.phases))}
-        return {name: chosen for name, chosen in words.items() if chosen}
+        return {name: values for name, values in words.items() if values}
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,16 +90,16 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     whole = tuple(_every_row(declaration, site, scope.mission, robots))
     every = [entry for row in whole for entry in _entries(declaration, site, row, scope.mission, robots)]
     entries = [entry for entry in every if scope.has(entry.item)]
-    chosen = tuple(entry for entry in entries if _inside(entry, scope))
-    if not chosen:
+    selection = tuple(entry for entry in entries if _inside(entry, scope))
+    if not selection:
         raise _nothing(site, scope)
-    items = {entry.item.id for entry in chosen}
+    items = {entry.item.id for entry in selection}
     return Checklist(
         site=site,
         title=declaration.sites[site].title,
         columns=() if scope.alone else tuple(map(str, Column)),
         rows=tuple(_rows(whole, entries, scope)),
-        entries=chosen,
+        entries=selection,
         left_out=tuple(_left_out(entries, scope)),
         scope=scope,
         notes=(
@@ -121,7 +121,7 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
             raise _unknown("vehicle", vehicle, declaration.vehicles)
         if here is not None and vehicle not in here:
             hint = f"its vehicles are: {', '.join(here) or 'none'}; `checklist.vehicles` of the site says so"
-            raise NothingMatched(f"`{vehicle}` is not tested at {site}", hint=hint)
+            raise NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
     for endpoint in scope.endpoints:
         if endpoint not in TITLES:
             raise _unknown("endpoint", endpoint, TITLES)
@@ -145,22 +145,22 @@ def _refuse_mixed(declaration: Declaration, site: str, scope: Scope) -> None:
         raise UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
 
 
-def _unknown(what: str, word: str, known: Iterable[str]) -> NothingMatched:
-    every = list(known)
+def _unknown(what: str, word: str, names: Iterable[str]) -> NoMatchError:
+    every = list(names)
     near = nearest(word, every)
-    listed = f"there are: {', '.join(every) or 'none'}"
-    return NothingMatched(f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {listed}" if near else listed)
+    choices = f"there are: {', '.join(every) or 'none'}"
+    return NoMatchError(f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices)
 
 
-def _nothing(site: str, scope: Scope) -> NothingMatched:
+def _nothing(site: str, scope: Scope) -> NoMatchError:
     if scope.alone is Phase.INTEGRATION:
         hint = f"put its file into robots/{scope.vehicles[0]}.yml of the inventory: docs/robots.md says how"
-        return NothingMatched(f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint)
+        return NoMatchError(f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint)
     if scope.alone:
         hint = "declare them below `checklist: items:` with `phase: recovery` (docs/check.md)"
-        return NothingMatched(f"no such item of recovery is declared at {site}", hint=hint)
+        return NoMatchError(f"no such item of recovery is declared at {site}", hint=hint)
     hint = f"leave out a word: `provision check site={site}` lists all"
-    return NothingMatched("nothing is left of the checklist", hint=hint)
+    return NoMatchError("nothing is left of the checklist", hint=hint)
 
 
 def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[Row]:
@@ -179,9 +179,9 @@ def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotF
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
             cells = tuple(str(column) for column in Column if column in vehicle.table3)
-            published = (ROBOT, INTEGRATION) if robots is not None and key in robots.tested else ()
+            robot_items = (ROBOT, INTEGRATION) if robots is not None and key in robots.tested_vehicles else ()
             cable = (ETHERNET,) if vehicle.ethernet else ()
-            others = (*cable, *published, *_items(declaration, site, key, mission))
+            others = (*cable, *robot_items, *_items(declaration, site, key, mission))
             yield Row(
                 key=key,
                 name=vehicle.name,
@@ -191,14 +191,14 @@ def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotF
                 deviation=vehicle.table3_deviation,
                 beside=(*cells, *others) if vehicle.guest else others,
             )
-    declared = declaration.sites[site]
-    marked = [str(column) for column in Column if column in declared.location.table3]
-    carried = {str(bearer.kind.traits.column) for bearer in declared.bearers}
-    if declared.location.ethernet:
-        carried.add(ETHERNET)
-    beside = [name for name in (*map(str, Column), ETHERNET) if name in carried and name not in marked]
+    site_config = declaration.sites[site]
+    table3_columns = [str(column) for column in Column if column in site_config.location.table3]
+    bearer_columns = {str(bearer.kind.traits.column) for bearer in site_config.bearers}
+    if site_config.location.ethernet:
+        bearer_columns.add(ETHERNET)
+    beside = [name for name in (*map(str, Column), ETHERNET) if name in bearer_columns and name not in table3_columns]
     beside += [SITE, *((ROBOT,) if robots is not None else ()), *_items(declaration, site, None, mission)]
-    yield Row(key=site, name=declared.title, kind="location", table3=tuple(marked), beside=tuple(beside))
+    yield Row(key=site, name=site_config.title, kind="location", table3=tuple(table3_columns), beside=tuple(beside))
 
 
 def _items(declaration: Declaration, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
@@ -218,7 +218,7 @@ def _entries(
 
 
 def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
-    skipped = bool(step.unless)
+    is_skipped = bool(step.unless)
     return Item(
         id="/".join(filter(None, (cell.row, cell.endpoint, step.name))),
         title=step.title,
@@ -228,13 +228,13 @@ def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
         table3=table3,
         kind=step.kind,
         phase=step.phase,
-        open=not skipped,
-        verdict=Verdict.SKIP if skipped else Verdict.INCONCLUSIVE,
-        message=step.unless or (f"waits for {_listed(step.by)}" if step.by else _OPEN[step.kind]),
+        open=not is_skipped,
+        verdict=Verdict.SKIP if is_skipped else Verdict.INCONCLUSIVE,
+        message=step.unless or (f"waits for {_join_names(step.by)}" if step.by else _OPEN[step.kind]),
     )
 
 
-def _listed(names: Sequence[str]) -> str:
+def _join_names(names: Sequence[str]) -> str:
     return names[0] if len(names) == 1 else f"one of {', '.join(names)}"
 
 
@@ -256,7 +256,7 @@ def _inside(entry: PlanEntry, scope: Scope) -> bool:
 
 def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[LeftOut]:
     """Name what the scope takes away, cell by cell."""
-    words = " ".join(f"{name}={','.join(chosen)}" for name, chosen in scope.as_dict().items())
+    words = " ".join(f"{name}={','.join(values)}" for name, values in scope.as_dict().items())
     away = dict.fromkeys(
         (entry.cell.name, TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
     )
@@ -266,8 +266,8 @@ def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[LeftOut]:
 
 def _notes(declaration: Declaration, site: str) -> Iterator[str]:
     """Say where the policy cannot keep robots apart; a vehicle without a declared partner may be anybody's."""
-    reserved = {row.name for row in declaration.sites[site].lan.reservations}
-    robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved}
+    reserved_keys = {row.name for row in declaration.sites[site].lan.reservations}
+    robots = {key: vehicle for key, vehicle in declaration.vehicles.items() if key in reserved_keys}
     if len({vehicle.partner or f"unknown: {key}" for key, vehicle in robots.items()}) > 1:
         names = ", ".join(f"{robot.name} ({robot.partner or 'partner not declared'})" for robot in robots.values())
         yield (
@@ -298,9 +298,9 @@ def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: It
     """Say which mission it is for, what is left to another one, and what is asked when the vehicles are back."""
     missions = declaration.sites[site].checklist.missions
     other = [mission.name for mission in missions if any(scope.has(item) for item in mission.items)]
-    chosen = next((mission for mission in missions if mission.name == scope.mission), None)
-    if chosen is not None:
-        yield f"with the items of the mission {chosen.name}: {chosen.title}"
+    selected_mission = next((mission for mission in missions if mission.name == scope.mission), None)
+    if selected_mission is not None:
+        yield f"with the items of the mission {selected_mission.name}: {selected_mission.title}"
     elif other:
         yield f"no mission was named; with `mission=NAME` its items are asked too: {', '.join(other)}"
     later = [entry for entry in every if entry.item.phase is Phase.RECOVERY]
@@ -321,10 +321,10 @@ _PARTNERS, _INTERNET = "partners", "internet"
 
 def drawing(declaration: Declaration, checklist: Checklist) -> Drawing:
     """Draw the site of a checklist; the order is the inventory's, so that it is the same every time."""
-    return _Drawn(declaration, checklist).drawing()
+    return _DrawingBuilder(declaration, checklist).drawing()
 
 
-class _Drawn:
+class _DrawingBuilder:
     def __init__(self, declaration: Declaration, checklist: Checklist) -> None:
         self._declaration = declaration
         self._site = checklist.site
@@ -335,12 +335,12 @@ class _Drawn:
 
     def drawing(self) -> Drawing:
         nodes = {node.key: node for node in chain(self._far(), self._here(), self._vehicles())}
-        links = chain(self._joined(), self._bearers(), self._local(), self._seen())
-        known = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
-        return Drawing(nodes=tuple(nodes.values()), links=tuple(known))
+        links = chain(self._vpn_links(), self._bearers(), self._local(), self._vehicle_links())
+        valid_links = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
+        return Drawing(nodes=tuple(nodes.values()), links=tuple(valid_links))
 
     @property
-    def _declared(self) -> Site:
+    def _site_config(self) -> Site:
         return self._declaration.sites[self._site]
 
     @property
@@ -373,30 +373,33 @@ class _Drawn:
             yield DrawnNode(key=self._server.site, label=title, kind="site")
         else:
             yield DrawnNode(key=_INTERNET, label="Internet", kind="site")
-        for served in self._declared.served_links:
-            yield DrawnNode(key=served.carries, label=self._declaration.sites[served.carries].title, kind="site")
+        for link in self._site_config.served_links:
+            yield DrawnNode(key=link.carries, label=self._declaration.sites[link.carries].title, kind="site")
 
     def _here(self) -> Iterator[DrawnNode]:
         for host in self._hosts:
             yield self._host(host)
         if self._router is None and self._gateway is None:
-            yield DrawnNode(key=self._site, label=self._declared.title, kind="site", items=self._unnamed())
+            yield DrawnNode(key=self._site, label=self._site_config.title, kind="site", items=self._general_items())
 
     def _host(self, host: Host) -> DrawnNode:
-        named = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
+        item_ids = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
         local = [
-            item for bearer in self._declared.bearers if bearer.device == host.name for item in self._carrying(bearer)
+            item
+            for bearer in self._site_config.bearers
+            if bearer.device == host.name
+            for item in self._carrying(bearer)
         ]
-        rest = self._unnamed() if host.name == self._middle else ()
+        rest = self._general_items() if host.name == self._middle else ()
         return DrawnNode(
             key=host.name,
             label=host.name,
             kind=host.device.kind,
-            items=tuple(dict.fromkeys((*named, *local, *rest))),
+            items=tuple(dict.fromkeys((*item_ids, *local, *rest))),
             detail=str(getattr(host.device, "address", "")),
         )
 
-    def _unnamed(self) -> tuple[str, ...]:
+    def _general_items(self) -> tuple[str, ...]:
         """The site's own items that speak of no host in particular."""
         names = {host.name for host in (*self._hosts, self._server)}
         local = [
@@ -416,7 +419,7 @@ class _Drawn:
     def _robots(self) -> Iterator[Row]:
         return (row for row in self._rows if row.kind != "location")
 
-    def _joined(self) -> Iterator[DrawnLink]:
+    def _vpn_links(self) -> Iterator[DrawnLink]:
         yield DrawnLink(a=_PARTNERS, b=self._server.name, label="VPN", kind="vpn")
         yield DrawnLink(a=self._server.name, b=self._server.site, label="", kind="ethernet")
         if self._router is not None and self._server.site != self._site:
@@ -436,23 +439,23 @@ class _Drawn:
 
     def _speaks(self, entry: PlanEntry, bearer: Bearer) -> bool:
         """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
-        others = {item.device for item in self._declared.bearers if item.name != bearer.name} - {bearer.device, None}
+        others = {item.device for item in self._site_config.bearers if item.name != bearer.name} - {bearer.device, None}
         return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
 
     def _bearers(self) -> Iterator[DrawnLink]:
-        for bearer in self._declared.bearers:
+        for bearer in self._site_config.bearers:
             column, near = bearer.kind.traits.column, bearer.device or self._middle
             yield DrawnLink(a=near, b=self._other_end, label=TITLES[column], kind=column, items=self._carrying(bearer))
-        for served in self._declared.served_links:
-            yield DrawnLink(a=served.device, b=served.carries, label=TITLES[Column.WIFI], kind=Column.WIFI)
+        for link in self._site_config.served_links:
+            yield DrawnLink(a=link.device, b=link.carries, label=TITLES[Column.WIFI], kind=Column.WIFI)
 
     def _local(self) -> Iterator[DrawnLink]:
         """The cables of the router; a box of a link on the port of that link, all else in the LAN."""
         if self._router is None or not isinstance(self._router.device, Router):
             return
         on = {port.link: port for port in self._router.device.ports if port.link is not None}
-        box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._declared.bearers}
-        box_of |= {served_link.name: served_link.device for served_link in self._declared.served_links}
+        box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._site_config.bearers}
+        box_of |= {served_link.name: served_link.device for served_link in self._site_config.served_links}
         ports = {box_of[link]: port for link, port in on.items() if box_of.get(link) is not None}
         for host in self._hosts:
             port = ports.get(host.name)
@@ -460,7 +463,7 @@ class _Drawn:
             label = f"{port.name}{power}" if port is not None else "LAN"
             yield DrawnLink(a=self._router.name, b=host.name, label=label, kind="ethernet")
 
-    def _seen(self) -> Iterator[DrawnLink]:
+    def _vehicle_links(self) -> Iterator[DrawnLink]:
         for row in self._robots():
             for endpoint in (name for name in (*row.table3, *row.beside) if name not in {ROBOT, INTEGRATION, ITEMS}):
                 items = tuple(
@@ -473,11 +476,11 @@ class _Drawn:
 
     def _seen_by(self, endpoints: Endpoints, endpoint: str) -> str:
         """The host that hears the vehicle, as far as it is declared."""
-        declared = getattr(endpoints, endpoint, None)
-        if (by := getattr(declared, "seen_by", None)) is not None and by in {host.name for host in self._hosts}:
+        endpoint_config = getattr(endpoints, endpoint, None)
+        if (by := getattr(endpoint_config, "seen_by", None)) is not None and by in {host.name for host in self._hosts}:
             return str(by)
-        station = endpoint == Column.WIFI and getattr(declared, "role", None) is WifiRole.STATION
-        laptop = getattr(declared, "seen_from", None) is SeenFrom.LAPTOP
+        station = endpoint == Column.WIFI and getattr(endpoint_config, "role", None) is WifiRole.STATION
+        laptop = getattr(endpoint_config, "seen_from", None) is SeenFrom.LAPTOP
         if self._gateway is None or station or laptop:
             return self._middle
         return self._gateway.name

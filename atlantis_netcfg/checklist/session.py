@@ -14,17 +14,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, Self
 
 from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._opening import BookHead, begin, found
+from atlantis_netcfg.checklist._opening import BookHead, begin, find_open_book
 from atlantis_netcfg.checklist._signing import FILE as KEY
-from atlantis_netcfg.checklist._signing import NotSigned, SigningKey, SigningRefused, signed
+from atlantis_netcfg.checklist._signing import ChecklistUsageError, SigningError, SigningKey, sign_document
 from atlantis_netcfg.checklist.confirmations import (
     Confirmation,
-    confirmed,
+    clean_name,
+    clean_text,
+    confirm_item,
     earlier,
-    named,
     overridden,
     refused_person,
-    spoken,
 )
 from atlantis_netcfg.checklist.history import last_green, since
 from atlantis_netcfg.checklist.report import Document, Item, LeftOut
@@ -59,7 +59,7 @@ class Book:
         self._now = now
         self._ledger = _ledger.ChecklistLog(folder / _ledger.FILE, now)
         lines = _ledger.read(folder / _ledger.FILE)
-        document = _ledger.replayed(lines)
+        document = _ledger.rebuild_document(lines)
         assert document is not None, "it was begun"  # noqa: S101
         self._document = document
         self._items = {item.id: item for item in self._document.items}
@@ -83,7 +83,7 @@ class Book:
         lock = SiteLock(folder / "lock", f"the checklist of {checklist.site}", command)
         lock.__enter__()
         try:
-            there = found(folder, checklist, head, anew=anew, now=now)
+            there = find_open_book(folder, checklist, head, anew=anew, now=now)
             run = there.folder or begin(folder, checklist, head, now)
             return cls(run, checklist, lock, there.words, now)
         except BaseException:
@@ -111,7 +111,7 @@ class Book:
         if name not in self._items:
             near = nearest(name, self._items)
             hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
-            raise SigningRefused(f"there is no item `{name}` in this checklist", hint=hint)
+            raise ChecklistUsageError(f"there is no item `{name}` in this checklist", hint=hint)
         return self._items[name]
 
     def settle(self, item: Item) -> Item:
@@ -122,9 +122,9 @@ class Book:
     def confirm(self, name: str, confirmation: Confirmation) -> Item:
         """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
         item, step = self.item(name), self._entries[name].step
-        confirmed(item, confirmation, (), self._now(), step)
+        confirm_item(item, confirmation, (), self._now(), step)
         files = _ledger.keep(self.folder, confirmation.files)
-        return self._record("confirmed", confirmed(item, confirmation, files, self._now(), step))
+        return self._record("confirmed", confirm_item(item, confirmation, files, self._now(), step))
 
     def override(self, name: str, reason: str, by: str) -> Item:
         """Write down that a person takes the responsibility. Raises Refused where there is none to take."""
@@ -147,14 +147,14 @@ class Book:
         Raises NotSigned while something is open, Refused, JournalFailed.
         """
         self._refuse_signed()
-        name, left = named(by), self._left(leave or {})
+        name, left_out = clean_name(by), self._find_left_out(leave or {})
         if (wrong := refused_person(name, self._signers, "sign this checklist")) is not None:
-            raise SigningRefused(wrong[0], hint=wrong[1])
+            raise ChecklistUsageError(wrong[0], hint=wrong[1])
         at = self._now()
         whole = self.document().model_copy(update={"ended": at})
-        whole = whole.model_copy(update={"left_out": (*whole.left_out, *left)})
-        key = SigningKey.made(self.folder.parents[3] / KEY)
-        document = signed(whole, name, at, key)
+        whole = whole.model_copy(update={"left_out": (*whole.left_out, *left_out)})
+        key = SigningKey.load_or_create(self.folder.parents[3] / KEY)
+        document = sign_document(whole, name, at, key)
         close_book(self.folder, document, pages(document), key)
         self._document = document
         self._ledger.close()
@@ -171,18 +171,18 @@ class Book:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _left(self, leave: Mapping[str, str]) -> tuple[LeftOut, ...]:
+    def _find_left_out(self, leave: Mapping[str, str]) -> tuple[LeftOut, ...]:
         """What stays open on purpose."""
         waiting = {item.id: item for item in self.items if item.open and item.override is None}
         for name in leave:
             self.item(name)
         rest = [name for name in waiting if name not in leave]
         if rest:
-            raise NotSigned(
+            raise SigningError(
                 f"{len(rest)} of {len(self.items)} items are open: {_few(rest)}",
                 hint="settle them, override them with a reason, or leave them open on purpose with a reason",
             )
-        reasons = {name: spoken(leave[name], "the reason to leave it open") for name in waiting}
+        reasons = {name: clean_text(leave[name], "the reason to leave it open") for name in waiting}
         return tuple(LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
 
     def _record(self, how: Literal["settled", "confirmed", "overridden"], item: Item) -> Item:
@@ -193,7 +193,7 @@ class Book:
 
     def _refuse_signed(self) -> None:
         if self._document.signed is not None:
-            raise SigningRefused("this checklist is signed: nothing is added to it", hint="begin a new one")
+            raise ChecklistUsageError("this checklist is signed: nothing is added to it", hint="begin a new one")
 
 
 def _few(names: list[str]) -> str:

@@ -21,15 +21,15 @@ from atlantis_netcfg.checklist._signing import FILE as KEY
 from atlantis_netcfg.checklist._signing import (
     MANIFEST,
     REPORT,
-    NotSigned,
+    SigningError,
     SigningKey,
     SigningTrouble,
     broken_seal,
     check_report,
     content,
-    parsed,
-    sealed,
-    written,
+    parse_json,
+    render_json,
+    sign_data,
 )
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.atomic_files import DRAFT
@@ -53,12 +53,12 @@ def close_book(folder: Path, document: Document, pages: Mapping[str, bytes], key
     if wrong:
         raise ValueError(f"no names for pages: {wrong}")
     _clear(folder, {*pages, REPORT})
-    files = {REPORT: written(document.model_dump(mode="json")), **pages}
+    files = {REPORT: render_json(document.model_dump(mode="json")), **pages}
     with os_errors_as("the report", folder):
         for name, data in files.items():
             write_atomically(folder / name, data)
-        manifest = _contents(folder, document, listed(folder))
-        write_atomically(folder / MANIFEST, written(sealed(manifest, key)))
+        manifest = _contents(folder, document, list_files(folder))
+        write_atomically(folder / MANIFEST, render_json(sign_data(manifest, key)))
 
 
 def _contents(folder: Path, document: Document, names: list[str]) -> dict[str, object]:
@@ -68,7 +68,7 @@ def _contents(folder: Path, document: Document, names: list[str]) -> dict[str, o
     return {"version": 1, "run": document.run, "site": document.site, "by": by, "files": files}
 
 
-def listed(folder: Path) -> list[str]:
+def list_files(folder: Path) -> list[str]:
     """Everything in a book's folder but the manifest, sorted: files, and folders without a file in them."""
     every = [path for path in folder.rglob("*") if path.is_symlink() or not path.is_dir() or not any(path.iterdir())]
     return sorted(name for path in every if (name := path.relative_to(folder).as_posix()) != MANIFEST)
@@ -78,10 +78,10 @@ def _clear(folder: Path, local: set[str]) -> None:
     """Remove what a kill has left of ours; a file that somebody else has put here is not ours to remove or to sign."""
     records = _ledger.read(folder / _ledger.FILE).records
     results = [record.record.item for record in records if isinstance(record.record, _ledger.RecordedResult)]
-    named = {evidence.file for item in results for evidence in item.evidence if evidence.file}
-    for name in listed(folder):
+    evidence_files = {evidence.file for item in results for evidence in item.evidence if evidence.file}
+    for name in list_files(folder):
         path = folder / name
-        if name in named or name == _ledger.FILE:
+        if name in evidence_files or name == _ledger.FILE:
             continue
         if path.is_dir() and name == _ledger.FOLDER:
             continue  # it is empty
@@ -89,7 +89,7 @@ def _clear(folder: Path, local: set[str]) -> None:
             path.unlink()
         else:
             hint = f"take it out of {folder}, or give it as evidence of an item; then sign"
-            raise NotSigned(f"`{name}` in the folder of the checklist is not of the checklist", hint=hint)
+            raise SigningError(f"`{name}` in the folder of the checklist is not of the checklist", hint=hint)
     empty = folder / _ledger.FOLDER
     if empty.is_dir() and not any(empty.iterdir()):
         empty.rmdir()
@@ -98,31 +98,34 @@ def _clear(folder: Path, local: set[str]) -> None:
 _ORIGINAL = "do not rely on it; ask whoever signed for the original"
 
 
-def verify(folder: Path, *, key: Path | None = None, known: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
-    """Everything that is not as it was signed, in the folder of one checklist; nothing: it is as it was signed.
+def verify(folder: Path, *, key: Path | None = None, required_keys: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
+    """List what differs from the signed state in the folder of one checklist; an empty result: nothing does.
 
-    `key`: the key of this computer, else the one of the state directory that the folder is in; `known`: fingerprints of
-    which one has to have signed, also in the place of that key. Raises KeyDamaged.
+    `key`: the key of this computer, by default the one of the state directory of the folder; `required_keys`:
+    fingerprints, one of which must have signed, also in place of that key. Raises KeyDamaged.
     """
     path = folder.absolute()
     local = key or (path.parents[3] / KEY if len(path.parents) > 3 else path / KEY)  # noqa: PLR2004 - see `book`
-    trusted, demanded = _trusted(local, known), bool(known)
-    sealed = (*_manifest(folder, trusted, demanded=demanded), *_report(folder, trusted, demanded=demanded))
-    return tuple(dict.fromkeys((*sealed, *_records(folder))))
+    trusted_keys, is_explicit = _find_trusted_keys(local, required_keys), bool(required_keys)
+    troubles = (
+        *_manifest(folder, trusted_keys, is_explicit=is_explicit),
+        *_report(folder, trusted_keys, is_explicit=is_explicit),
+    )
+    return tuple(dict.fromkeys((*troubles, *_records(folder))))
 
 
-def verify_report(data: bytes, *, key: Path, known: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
+def verify_report(data: bytes, *, key: Path, required_keys: Collection[str] = ()) -> tuple[SigningTrouble, ...]:
     """The same for a `report.json` alone, as it comes by mail: what is not as it was signed. Raises KeyDamaged."""
-    return tuple(check_report(data, _trusted(key, known), demanded=bool(known)))
+    return tuple(check_report(data, _find_trusted_keys(key, required_keys), is_explicit=bool(required_keys)))
 
 
-def _trusted(key: Path, known: Collection[str]) -> set[str]:
+def _find_trusted_keys(key: Path, required_keys: Collection[str]) -> set[str]:
     """Who names keys asks for one of these, and not for the one of this computer."""
-    local = SigningKey.known(key) if not known else None
-    return {local.fingerprint} if local is not None else set(known)
+    local = SigningKey.load(key) if not required_keys else None
+    return {local.fingerprint} if local is not None else set(required_keys)
 
 
-def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[SigningTrouble]:
+def _manifest(folder: Path, trusted_keys: Collection[str], *, is_explicit: bool) -> Iterator[SigningTrouble]:
     try:
         data = content(folder / MANIFEST)
     except OSError:
@@ -133,7 +136,7 @@ def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iter
     if manifest is None:
         yield SigningTrouble(MANIFEST, "is damaged", _ORIGINAL)
         return
-    for what, hint in broken_seal(manifest, trusted, demanded=demanded):
+    for what, hint in broken_seal(manifest, trusted_keys, is_explicit=is_explicit):
         yield SigningTrouble(MANIFEST, what, hint)
     yield from _files(folder, manifest["files"])
 
@@ -141,16 +144,16 @@ def _manifest(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iter
 def _read(data: bytes) -> dict[str, Any] | None:
     """The manifest, if it is one, written as we write it."""
     try:
-        manifest = parsed(data)
+        manifest = parse_json(data)
         files = manifest["files"]
-        shaped = all(isinstance(file["sha256"], str) for file in files.values())
-        return manifest if shaped and written(manifest) == data else None
+        is_valid = all(isinstance(file["sha256"], str) for file in files.values())
+        return manifest if is_valid and render_json(manifest) == data else None
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
 
 def _files(folder: Path, files: dict[str, Any]) -> Iterator[SigningTrouble]:
-    there = listed(folder)
+    there = list_files(folder)
     for name in sorted({*files, *there}):
         if name not in there:
             yield SigningTrouble(name, "is missing", _ORIGINAL)
@@ -169,7 +172,7 @@ def _hash(path: Path) -> str:
         return ""
 
 
-def _report(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterator[SigningTrouble]:
+def _report(folder: Path, trusted_keys: Collection[str], *, is_explicit: bool) -> Iterator[SigningTrouble]:
     try:
         data = content(folder / REPORT)
     except OSError:
@@ -177,18 +180,18 @@ def _report(folder: Path, trusted: Collection[str], *, demanded: bool) -> Iterat
             return  # it was never signed, and that is told
         yield SigningTrouble(REPORT, "is missing", _ORIGINAL)
         return
-    yield from check_report(data, trusted, demanded=demanded)
+    yield from check_report(data, trusted_keys, is_explicit=is_explicit)
 
 
 def _records(folder: Path) -> Iterator[SigningTrouble]:
     """The records by themselves, and whether the report says what they say."""
     lines = _ledger.read(folder / _ledger.FILE)
-    if lines.damage or lines.torn:
-        yield SigningTrouble(_ledger.FILE, lines.damage or lines.torn, _ORIGINAL)
+    if lines.damage or lines.tail_error:
+        yield SigningTrouble(_ledger.FILE, lines.damage or lines.tail_error, _ORIGINAL)
         return
-    document = _ledger.replayed(lines)
+    document = _ledger.rebuild_document(lines)
     try:
-        items = Document.model_validate(parsed(content(folder / REPORT))).items
+        items = Document.model_validate(parse_json(content(folder / REPORT))).items
     except (OSError, ValueError):
         return  # that is told
     if document is None or document.items != items:

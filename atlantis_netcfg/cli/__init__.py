@@ -36,18 +36,18 @@ _HELP = frozenset({"-h", "--help"})
 
 def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMANDS) -> int:
     """Run one command line and give its exit code; `table` stands in for the commands in tests."""
-    typed = list(sys.argv[1:] if argv is None else argv)
+    command_line = list(sys.argv[1:] if argv is None else argv)
     gc.set_threshold(_OBJECTS)
     # Python's end looks at all objects for garbage, a sixth of a run's time; what must be closed is, by its `with`.
     atexit.register(gc.freeze)
     _open_streams()
-    line, code, before = _CommandLine(typed, table), None, stop_signals.handlers()
+    line, code, before = _CommandLine(command_line, table), None, stop_signals.handlers()
     try:
         stop_signals.take()
         code = line.end()
         stop_signals.ignore()
     except KeyboardInterrupt as stop:
-        code = line.interrupted(stop) if code is None else code
+        code = line.interrupt(stop) if code is None else code
     if argv is not None:  # the process goes on without us
         stop_signals.restore(before)
     return int(code)
@@ -56,52 +56,52 @@ def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMAN
 class _CommandLine:
     """One command line on its way to its end."""
 
-    def __init__(self, typed: list[str], table: Mapping[str, str]) -> None:
-        self.typed = typed
+    def __init__(self, command_line: list[str], table: Mapping[str, str]) -> None:
+        self.command_line = command_line
         self.table = table
         self.command: CommandSpec | None = None
 
     def end(self) -> ExitCode:
         """Run it, and end in words whatever happens."""
-        if self.typed[:1] == ["complete"]:
-            return _print_candidates(self.typed[1:], self.table)
-        as_json = "--json" in self.typed
+        if self.command_line[:1] == ["complete"]:
+            return _print_candidates(self.command_line[1:], self.table)
+        as_json = "--json" in self.command_line
         try:
             self._choose_language()
             code = self._run()
         except NetcfgError as error:
-            return output.failed(error, self.typed, as_json=as_json)
+            return output.report_error(error, self.command_line, as_json=as_json)
         except Exception as error:  # noqa: BLE001 - the last door: nothing may end in a traceback on the screen
             if name := stop_signals.pending_stop():
-                return self.interrupted(KeyboardInterrupt(name))
-            return output.crashed(error, self.typed, as_json=as_json)
+                return self.interrupt(KeyboardInterrupt(name))
+            return output.report_crash(error, self.command_line, as_json=as_json)
         return code
 
-    def interrupted(self, stop: KeyboardInterrupt) -> ExitCode:
+    def interrupt(self, stop: KeyboardInterrupt) -> ExitCode:
         """End after a stop."""
         stop_signals.ignore()
-        return output.interrupted(self.command, self.typed, stop, as_json="--json" in self.typed)
+        return output.report_interrupt(self.command, self.command_line, stop, as_json="--json" in self.command_line)
 
     def _run(self) -> ExitCode:
-        if not self.typed or (set(self.typed) <= _HELP):
+        if not self.command_line or (set(self.command_line) <= _HELP):
             return self._overview()
-        if self.typed == ["--version"]:
-            self.typed = ["version"]
-        if self.typed[0] == "help" and self.typed[1:] and not self.typed[1].startswith("-"):
-            self.typed = [*self.typed[1:], "--help"]
+        if self.command_line == ["--version"]:
+            self.command_line = ["version"]
+        if self.command_line[0] == "help" and self.command_line[1:] and not self.command_line[1].startswith("-"):
+            self.command_line = [*self.command_line[1:], "--help"]
         if group := self._group():
             return _print_group(group, self.table)
-        name, rest = choose(self.typed, self.table)
-        loaded = load(name, self.table)
-        self.command = loaded.command
+        name, rest = choose(self.command_line, self.table)
+        entry = load(name, self.table)
+        self.command = entry.command
         if _HELP & set(rest):
-            return _print_help(loaded.command)
+            return _print_help(entry.command)
         from atlantis_netcfg.cli.base.arguments import parse
         from atlantis_netcfg.core import temporary
 
-        arguments = parse(loaded.command, rest)
+        arguments = parse(entry.command, rest)
         temporary.remove_orphans()
-        return loaded.run(arguments)
+        return entry.run(arguments)
 
     def _choose_language(self) -> None:
         """Take `--lang pt` out of the line, else ask the environment. Raises UsageError.
@@ -110,36 +110,36 @@ class _CommandLine:
         """
         from atlantis_netcfg.core import language
 
-        chosen, self.typed = _without_language(self.typed)
-        language.use(language.of_environment() if chosen is None else language.named(chosen))
+        language_code, self.command_line = _without_language(self.command_line)
+        language.use(language.of_environment() if language_code is None else language.parse_language(language_code))
 
     def _group(self) -> str:
         """The first word of several commands, where it is asked what they are: `provision vpn --help`; else empty.
 
         One that is a command itself tells of the others in its own help.
         """
-        words = [argument for argument in self.typed if argument not in _HELP]
-        alone = len(words) == 1 and words != self.typed and words[0] not in self.table
+        words = [argument for argument in self.command_line if argument not in _HELP]
+        alone = len(words) == 1 and words != self.command_line and words[0] not in self.table
         return words[0] if alone and any(name.startswith(f"{words[0]} ") for name in self.table) else ""
 
     def _overview(self) -> ExitCode:
         from atlantis_netcfg.cli.help import overview
 
-        typed = bool(self.typed)
-        print(translate(overview(self.table)), file=sys.stdout if typed else sys.stderr)
-        return ExitCode.DONE if typed else ExitCode.USAGE
+        has_words = bool(self.command_line)
+        print(translate(overview(self.table)), file=sys.stdout if has_words else sys.stderr)
+        return ExitCode.DONE if has_words else ExitCode.USAGE
 
 
-def _without_language(typed: Sequence[str]) -> tuple[str | None, list[str]]:
+def _without_language(command_line: Sequence[str]) -> tuple[str | None, list[str]]:
     """The value of `--lang`, and the line without it; the last one counts."""
-    chosen, rest, arguments = None, [], iter(typed)
+    language_code, rest, arguments = None, [], iter(command_line)
     for argument in arguments:
-        name, given, value = argument.partition("=")
+        name, separator, value = argument.partition("=")
         if name == "--lang":
-            chosen = value if given else next(arguments, "")
+            language_code = value if separator else next(arguments, "")
         else:
             rest.append(argument)
-    return chosen, rest
+    return language_code, rest
 
 
 def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
@@ -149,11 +149,11 @@ def _print_group(word: str, table: Mapping[str, str]) -> ExitCode:
     return ExitCode.DONE
 
 
-def _print_candidates(typed: Sequence[str], table: Mapping[str, str]) -> ExitCode:
+def _print_candidates(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:
     """What the completion of a shell asks for at every Tab; it is no command that a person types."""
     from atlantis_netcfg.cli.shell._suggestions import answer
 
-    return answer(typed, table)
+    return answer(command_line, table)
 
 
 def _print_help(command: CommandSpec) -> ExitCode:
@@ -203,9 +203,9 @@ def _open_streams() -> None:
         if number == 0:
             continue
         if _number_of(stream) == number and not isinstance(getattr(stream.buffer, "raw", None), _PatientStream):
-            buffered = io.BufferedWriter(_PatientStream(number, "w", closefd=False))
+            writer = io.BufferedWriter(_PatientStream(number, "w", closefd=False))
             how = (stream.encoding, stream.errors)
-            stream = io.TextIOWrapper(buffered, *how, line_buffering=stream.line_buffering)
+            stream = io.TextIOWrapper(writer, *how, line_buffering=stream.line_buffering)
         setattr(sys, name, Printer(stream))
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
     from atlantis_netcfg.operations.trust import DeviceIdentity
-    from atlantis_netcfg.routeros.first_contact.steps import Adopted
+    from atlantis_netcfg.routeros.first_contact.steps import AdoptionOutcome
 
 
 ADOPT = CommandSpec(
@@ -43,8 +43,8 @@ ADOPT = CommandSpec(
     "bring a router from its factory state to where `provision site=…` can talk to it",
     group=Group.DEVICE,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
-        Word("device", "the router of it", required=True, example="coastal-router", values=Values.HOST),
+        Word("site", "the site", is_required=True, example="coastal"),
+        Word("device", "the router of it", is_required=True, example="coastal-router", values=Values.HOST),
         Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
         Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
         Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
@@ -72,7 +72,7 @@ def run_adopt(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli.base.output import progress
 
-    declaration, host = _declared(arguments)
+    declaration, host = _load_declaration(arguments)
     with ExitStack() as stack:
         notify = stack.enter_context(progress(quiet=arguments.flag("json")))
         adoption = _adoption(arguments, declaration, host, notify, stack.enter_context)
@@ -81,15 +81,15 @@ def run_adopt(arguments: Arguments) -> ExitCode:
         return _close(arguments, adoption.carry_out(_agree(arguments)))
 
 
-def _declared(arguments: Arguments) -> tuple[Declaration, Host]:
+def _load_declaration(arguments: Arguments) -> tuple[Declaration, Host]:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
 
-    named = arguments.optional("inventory")
-    root = Path(named) if named else paths.checkout() / "inventory"
+    inventory_name = arguments.optional("inventory")
+    root = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
     declaration = load(root, decrypt=vault_of(arguments).decrypt)
     (host,) = choose(declaration, arguments.word("site"), [arguments.word("device")])
     return declaration, host
@@ -118,12 +118,12 @@ def _adoption(
         lambda: _passwords(arguments, host.name),
         via=_via(arguments.optional("via") or SSH),
         address=arguments.optional("address") or FACTORY_ADDRESS,
-        rehearsed=arguments.flag("rehearse"),
+        is_rehearsal=arguments.flag("rehearse"),
         take_over=arguments.flag("take-over"),
-        replaced=arguments.flag("replaced"),
+        is_replacement=arguments.flag("replaced"),
         wait_s=_seconds(arguments.optional("wait")),
     )
-    if adoption.rehearsed:
+    if adoption.is_rehearsal:
         from atlantis_netcfg.operations.common.rehearsal import rehearse_adoption
 
         enter(rehearse_adoption(adoption))
@@ -179,14 +179,14 @@ def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the com
     return Secret(text.rstrip("\r\n"))
 
 
-def _agree(arguments: Arguments) -> Callable[[Adopted], None]:
-    def agree(found: Adopted) -> None:
-        from atlantis_netcfg.cli.base.consent import agreed
+def _agree(arguments: Arguments) -> Callable[[AdoptionOutcome], None]:
+    def agree(adoption: AdoptionOutcome) -> None:
+        from atlantis_netcfg.cli.base.consent import require_agreement
 
         if not arguments.flag("json"):
-            _show(found.standing.value, found.steps)
+            _show(adoption.standing.value, adoption.steps)
         if not (arguments.flag("yes") or arguments.flag("rehearse")):
-            agreed("Adopt the router now?")
+            require_agreement("Adopt the router now?")
 
     return agree
 
@@ -222,7 +222,7 @@ TRUST = CommandSpec(
     "trust",
     "show who answers at the devices of a site, and keep what you agree to",
     group=Group.DEVICE,
-    words=(Word("site", "the site", required=True, example="coastal"), ONLY, INVENTORY),
+    words=(Word("site", "the site", is_required=True, example="coastal"), ONLY, INVENTORY),
     details=(
         "Nobody is told a password: each device shows its certificate or its SSH host key, and you compare it with "
         "what the device prints on its own console. It needs a terminal. For other computers, and for AWX, declare it: "
@@ -235,20 +235,20 @@ def run_trust(arguments: Arguments) -> ExitCode:
     """Look at each device, ask where something is new, and keep the answers."""
     import sys
 
-    from atlantis_netcfg.cli.vpn._common import declared
+    from atlantis_netcfg.cli.vpn._common import load_declaration
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.core.errors import NothingMatched, UsageError, worst
+    from atlantis_netcfg.core.errors import NoMatchError, UsageError, worst
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.trust import has_identity
 
-    declaration = declared(arguments)
-    chosen = choose(declaration, arguments.word("site"), arguments.many("only"))
-    hosts = [host for host in chosen if has_identity(host)]
+    declaration = load_declaration(arguments)
+    site_hosts = choose(declaration, arguments.word("site"), arguments.many("only"))
+    hosts = [host for host in site_hosts if has_identity(host)]
     if not hosts:
-        raise NothingMatched("nobody logs in to any of these devices: there is nothing to trust")
-    refuse_examples(declaration, rehearsed=False)
+        raise NoMatchError("nobody logs in to any of these devices: there is nothing to trust")
+    refuse_examples(declaration, is_rehearsal=False)
     if not sys.stdin.isatty():
         raise UsageError(
             "nobody is here to agree to an identity, so nothing was trusted",
@@ -275,49 +275,50 @@ def _trust_device(declaration: Declaration, host: Host, request: Request) -> Exi
 
 
 def _device(identity: DeviceIdentity, request: Request) -> ExitCode:
-    from atlantis_netcfg.cli.base.consent import agreed
-    from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+    from atlantis_netcfg.cli.base.consent import require_agreement
+    from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import agree
 
-    shows = f"{identity.device}: its {identity.service} is {identity.seen}"
-    if identity.known:
-        print(translate(f"{shows}, as {'declared' if identity.declared else 'agreed to before'}"), flush=True)
+    shows = f"{identity.device}: its {identity.service} is {identity.actual_key}"
+    if identity.is_known:
+        print(translate(f"{shows}, as {'declared' if identity.declared_key else 'agreed to before'}"), flush=True)
         return ExitCode.DONE
     field = "fingerprint" if identity.service == "certificate" else "host_key"
-    if identity.declared:
-        raise DeviceFailed(
-            f"{shows}, and the inventory declares {identity.declared}: nothing was trusted",
+    if identity.declared_key:
+        raise DeviceError(
+            f"{shows}, and the inventory declares {identity.declared_key}: nothing was trusted",
             hint=f"another device, a new certificate, or somebody in between; if it was renewed: change `{field}`",
         )
     print(
         translate(
-            f"{shows}; {f'agreed to before was {identity.pinned}' if identity.pinned else 'it was not seen before'}"
+            f"{shows}; "
+            f"{f'agreed to before was {identity.pinned_key}' if identity.pinned_key else 'it was not seen before'}"
         )
     )
     print(translate(f"  {identity.compare}"), flush=True)
-    agreed(f"Is this {identity.device}, and no other?")
+    require_agreement(f"Is this {identity.device}, and no other?")
     agree(identity, request)
     print(
-        translate(f"kept on this computer; for all others declare `{field}: {identity.seen}` under its `access`"),
+        translate(f"kept on this computer; for all others declare `{field}: {identity.actual_key}` under its `access`"),
         flush=True,
     )
     return ExitCode.DONE
 
 
 def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCode:
-    from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+    from atlantis_netcfg.core.errors import DeviceError, ExitCode
     from atlantis_netcfg.operations.trust import KeyState, TrustedComputer
 
     computer = TrustedComputer(declaration, host, request)
     state = computer.look()
-    declared = getattr(host.device, "ssh", None)
-    if state is not KeyState.KNOWN and declared is not None and declared.host_key is not None:
-        raise DeviceFailed(
+    ssh = getattr(host.device, "ssh", None)
+    if state is not KeyState.MATCH and ssh is not None and ssh.host_key is not None:
+        raise DeviceError(
             f"{host.name} does not show the SSH host key that the inventory declares: nothing was trusted",
             hint="another computer, a new card, or somebody in between; if it was set up anew: change `host_key`",
         )
-    if state is KeyState.CHANGED:
-        raise DeviceFailed(
+    if state is KeyState.MISMATCH:
+        raise DeviceError(
             f"{host.name} shows another SSH host key than before: nothing was trusted",
             hint=f"only if it is a new computer or a new card: `ssh-keygen -R {host.name}`, then type the same again",
         )
@@ -328,7 +329,7 @@ def _computer(declaration: Declaration, host: Host, request: Request) -> ExitCod
             )
         )
         computer.ask()
-        if computer.look() is not KeyState.KNOWN:
-            raise DeviceFailed(f"{host.name}: not agreed, so nothing was trusted")
+        if computer.look() is not KeyState.MATCH:
+            raise DeviceError(f"{host.name}: not agreed, so nothing was trusted")
     print(translate(f"{host.name}: its SSH host key is known"), flush=True)
     return ExitCode.DONE

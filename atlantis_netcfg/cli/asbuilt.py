@@ -32,7 +32,7 @@ ASBUILT = CommandSpec(
     "write down what each device of a site says of itself, and what is different",
     group=Group.DEVICE,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         ONLY,
         VIA,
         INVENTORY,
@@ -66,12 +66,14 @@ def run_asbuilt(arguments: Arguments) -> ExitCode:
         arguments,
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional("via"),
-        chosen=lambda declaration: choose(declaration, arguments.word("site"), arguments.many("only")),
-    ) as opened:
-        if opened.rehearsal is not None and any(host.name in opened.rehearsal.targets for host in opened.hosts):
-            opened.configure_twins()
-        record, folder, digest = _made(opened)
-    if opened.as_json:
+        choose_hosts=lambda declaration: choose(declaration, arguments.word("site"), arguments.many("only")),
+    ) as site_session:
+        if site_session.rehearsal is not None and any(
+            host.name in site_session.rehearsal.targets for host in site_session.hosts
+        ):
+            site_session.configure_twins()
+        record, folder, digest = _make_record(site_session)
+    if site_session.as_json:
         print(json_text({**record.as_json(), "kept": str(folder), "digest": digest}))
     else:
         printable.show(rows(record, str(folder)), sys.stdout)
@@ -86,7 +88,7 @@ def _refuse_all(site: str) -> None:
         raise UsageError("`provision asbuilt` is about one site at a time", hint="type its name: `site=coastal`")
 
 
-def _made(opened: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
+def _make_record(session: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     """The record, the folder in which it is kept, and the SHA-256 of its `as-built.json`. Raises NetcfgError."""
     import hashlib
     import json
@@ -94,25 +96,25 @@ def _made(opened: CommandSession) -> tuple[AsBuiltRecord, Path, str]:
     from atlantis_netcfg.records.asbuilt.archive import FILE, folder_of, keep, latest, new_folder
     from atlantis_netcfg.records.asbuilt.pages import html
     from atlantis_netcfg.records.asbuilt.pdf import labels_pdf, pdf
-    from atlantis_netcfg.records.asbuilt.record import compared
+    from atlantis_netcfg.records.asbuilt.record import compare
     from atlantis_netcfg.runs import utc_now
 
-    kept = folder_of(opened.store, opened.site)
-    before = latest(kept)
-    looked_at = _read(opened)
-    folder = new_folder(kept, utc_now())
-    record = compared(looked_at.model_copy(update={"id": folder.name}), before)
+    records_folder = folder_of(session.store, session.site)
+    before = latest(records_folder)
+    looked_at = _read(session)
+    folder = new_folder(records_folder, utc_now())
+    record = compare(looked_at.model_copy(update={"id": folder.name}), before)
     data = json.dumps(record.as_json(), ensure_ascii=False, indent=1).encode()
     digest = hashlib.sha256(data).hexdigest()
     files = {FILE: data, "as-built.html": html(record, digest), "as-built.pdf": pdf(record, digest)}
-    if opened.arguments.flag("labels"):
-        place = folder.relative_to(opened.state).as_posix()
-        files["labels.pdf"] = labels_pdf(record, digest, place, opened.declaration.pilot.asbuilt)
+    if session.arguments.flag("labels"):
+        place = folder.relative_to(session.state).as_posix()
+        files["labels.pdf"] = labels_pdf(record, digest, place, session.declaration.pilot.asbuilt)
     keep(folder, files)
     return record, folder, digest
 
 
-def _read(opened: CommandSession) -> AsBuiltRecord:
+def _read(session: CommandSession) -> AsBuiltRecord:
     """Ask, once it is agreed what the asking may cost."""
     import asyncio
 
@@ -124,25 +126,25 @@ def _read(opened: CommandSession) -> AsBuiltRecord:
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
     from atlantis_netcfg.runs import utc_now
 
-    declaration = opened.declaration
-    refuse_examples(declaration, rehearsed=opened.rehearsed)
-    request = opened.paid(opened.request(Mode.DRIFT))
-    with progress(quiet=opened.as_json) as notify:
-        site = SiteLook(declaration, opened.site, request, notify, opened.left_out)
-        devices, costs = asyncio.run(look_at(site, opened.hosts))
+    declaration = session.declaration
+    refuse_examples(declaration, is_rehearsal=session.is_rehearsal)
+    request = session.confirm_cost(session.request(Mode.DRIFT))
+    with progress(quiet=session.as_json) as notify:
+        site = SiteLook(declaration, session.site, request, notify, session.left_out)
+        devices, costs = asyncio.run(look_at(site, session.hosts))
     return AsBuiltRecord(
         id="",
-        site=opened.site,
-        title=declaration.sites[opened.site].title,
+        site=session.site,
+        title=declaration.sites[session.site].title,
         at=utc_now(),
         tool=__version__,
         inventory=declaration.revision,
-        rehearsed=opened.rehearsed,
+        rehearsed=session.is_rehearsal,
         time_zone=declaration.pilot.time_zone,
         mask=declaration.pilot.asbuilt.mask,
         checklist=site.checklist,
         devices=devices,
-        not_rehearsed=opened.rehearsal.not_rehearsed if opened.rehearsal is not None else (),
-        spent=site.spent,
+        not_rehearsed=session.rehearsal.not_rehearsed if session.rehearsal is not None else (),
+        spent=site.usage,
         costs=costs,
     )

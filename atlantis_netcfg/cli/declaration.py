@@ -41,8 +41,8 @@ def run_validate(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import InventoryInvalid, load
     from atlantis_netcfg.inventory.robots.reading import load_robots
 
-    named = arguments.optional("inventory")
-    inventory = Path(named) if named else paths.checkout() / "inventory"
+    inventory_name = arguments.optional("inventory")
+    inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
     try:
         declaration = load(inventory)
         sources, _ = load_robots(declaration)
@@ -68,21 +68,21 @@ def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: A
     from collections import Counter
 
     kinds = Counter(host.device.kind for host in declaration.hosts.values())
-    checked = {
+    names_by_kind = {
         "sites": [f"{site} ({len(declaration.site_hosts(site))} hosts)" for site in declaration.sites],
         "hosts": [f"{count} {kind}" for kind, count in kinds.items()],
         "vehicles": list(declaration.vehicles),
         "partners": list(declaration.partners),
     }
-    counts = {name: len(getattr(declaration, name)) for name in checked}
+    counts = {name: len(getattr(declaration, name)) for name in names_by_kind}
     if arguments.flag("json"):
-        left = [dataclasses.asdict(example) for example in declaration.examples]
-        warned = [dataclasses.asdict(finding) for finding in warnings]
-        more = {"checked": counts, "revision": declaration.revision, "examples": left, "warnings": warned}
+        examples = [dataclasses.asdict(example) for example in declaration.examples]
+        warning_rows = [dataclasses.asdict(finding) for finding in warnings]
+        more = {"checked": counts, "revision": declaration.revision, "examples": examples, "warnings": warning_rows}
         _print_json_counts(ExitCode.DONE, declaration.root, errors=[], **more)
         return ExitCode.DONE
     print(translate(f"{declaration.root}: no errors"))
-    for name, some in checked.items():
+    for name, some in names_by_kind.items():
         print(f"  {counts[name]:>3} {name:<9} {', '.join(some)}".rstrip())
     _tell_warnings(warnings)
     _tell_examples(declaration, lists_all=arguments.flag("examples"))
@@ -118,16 +118,16 @@ def _tell_examples(declaration: Declaration, *, lists_all: bool) -> None:
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.inventory.examples import by_line
 
-    left = declaration.examples
-    for line in by_line(left) if lists_all else ():
+    examples = declaration.examples
+    for line in by_line(examples) if lists_all else ():
         print(f"  {line}")
-    if declaration.pilot.example_values and left:
+    if declaration.pilot.example_values and examples:
         rehearsal = f"`provision site={next(iter(declaration.sites))} --rehearse`"
         print(translate(f"It still holds example values: only rehearsals use it ({rehearsal})."))
         if lists_all:
-            print(translate(f"{len(left)} values are examples."))
+            print(translate(f"{len(examples)} values are examples."))
         else:
-            print(translate(f"{len(left)} values are examples: `provision validate --examples` lists them."))
+            print(translate(f"{len(examples)} values are examples: `provision validate --examples` lists them."))
     elif declaration.pilot.example_values:
         print(translate("No example value is left, but `example_values: true` says so: real runs are refused."))
         print(translate("Set `example_values: false` in group_vars/all/pilot.yml when every value is yours."))
@@ -144,8 +144,8 @@ DDS = CommandSpec(
     "make the DDS profiles of a gateway or control centre, one set for each link of its site",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
-        Word("host", "the computer", required=True, example="coastal-gateway"),
+        Word("site", "the site", is_required=True, example="coastal"),
+        Word("host", "the computer", is_required=True, example="coastal-gateway"),
         Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
         Word(
             "distribution",
@@ -172,18 +172,18 @@ def run_dds(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.links.standing_traffic import TrafficSource
     from atlantis_netcfg.operations.common.traffic_budget import standing_traffic
 
-    named = arguments.optional("inventory")
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    inventory_name = arguments.optional("inventory")
+    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
     (host,) = choose(declaration, arguments.word("site"), (arguments.word("host"),))
     views = profile_views(declaration, host, arguments.optional("distribution"))
     files = {name: text for view in views for name, text in profiles(view).items()}
     folder = arguments.optional("to")
-    written = _write(Path(folder), files) if folder is not None else {}
+    changes = _write(Path(folder), files) if folder is not None else {}
     costs = {traffic.link.name: traffic.only(TrafficSource.DDS) for traffic in standing_traffic(declaration, host.site)}
     if arguments.flag("json"):
-        _print_json_profiles(views, costs, files if arguments.flag("show") else dict.fromkeys(files), written)
+        _print_json_profiles(views, costs, files if arguments.flag("show") else dict.fromkeys(files), changes)
     else:
-        _print(declaration, views, costs, written)
+        _print(declaration, views, costs, changes)
         if arguments.flag("show"):
             _show(files)
     return ExitCode.DONE
@@ -194,25 +194,25 @@ def _write(folder: Path, files: Mapping[str, str]) -> dict[str, bool]:
     from atlantis_netcfg.core.atomic_files import write_atomically
     from atlantis_netcfg.core.errors import UsageError
 
-    changed = {}
+    changes = {}
     for name, text in files.items():
         path = folder / name
         try:
-            changed[name] = not path.is_file() or path.read_bytes() != text.encode()
-            if changed[name]:
+            changes[name] = not path.is_file() or path.read_bytes() != text.encode()
+            if changes[name]:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_atomically(path, text.encode(), mode=None)
         except OSError as error:
             reason = error.strerror or str(error)
             raise UsageError(f"{path} cannot be written: {reason}", hint="name another folder with `to=`") from error
-    return changed
+    return changes
 
 
 def _print(
     declaration: Declaration,
     views: Sequence[ProfileView],
     costs: Mapping[str, StandingTraffic],
-    written: Mapping[str, bool],
+    changes: Mapping[str, bool],
 ) -> None:
     from atlantis_netcfg.links.cost import size
 
@@ -236,11 +236,11 @@ def _print(
         translate(f"  all DDS of {declaration.hosts[first.host].site}, with {first.processes} running on a computer:")
     )
     for name, traffic in costs.items():
-        price = f", {traffic.bill.money}" if traffic.link.metered else ""
+        price = f", {traffic.bill.money}" if traffic.link.is_metered else ""
         month = size(traffic.month_bytes)
         print(translate(f"  {name:<10} {month} a month both ways while it carries the traffic{price}"))
-    for name, changed in written.items():
-        print(translate(f"  {'written' if changed else 'already so':<10} {name}"))
+    for name, has_changed in changes.items():
+        print(translate(f"  {'written' if has_changed else 'already so':<10} {name}"))
     if declaration.pilot.example_values:
         print(translate("The inventory still holds example values."))
 
@@ -254,7 +254,7 @@ def _print_json_profiles(
     views: Sequence[ProfileView],
     costs: Mapping[str, StandingTraffic],
     files: Mapping[str, str | None],
-    written: Mapping[str, bool],
+    changes: Mapping[str, bool],
 ) -> None:
 
     first = views[0]
@@ -278,6 +278,6 @@ def _print_json_profiles(
         "peers": dict(first.peers),
         "lease_s": first.lease_s,
         "links": links,
-        "files": [{"name": name, "text": text, "changed": written.get(name)} for name, text in files.items()],
+        "files": [{"name": name, "text": text, "changed": changes.get(name)} for name, text in files.items()],
     }
     print(json_text(document))

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.operations.upgrade import PreparedUpgrade, Upgraded
+    from atlantis_netcfg.operations.upgrade import PreparedUpgrade, UpgradeResult
     from atlantis_netcfg.operations.verify import VerifiedDevice, Verifying
     from atlantis_netcfg.runs import Run, SavedState
     from atlantis_netcfg.runs.report.drift import DriftReport
@@ -75,41 +75,41 @@ def run_drift(arguments: Arguments) -> ExitCode:
         via=arguments.optional("via"),
         site=arguments.optional("site") or ALL,
         only=[*arguments.many("only"), *filter(None, (arguments.value("limit") or "").split(","))],
-    ) as opened:
-        report = _report(opened, opened.perform(Mode.DRIFT).devices)
+    ) as site_session:
+        report = _report(site_session, site_session.perform(Mode.DRIFT).devices)
     if file is not None:
         _write(file, junit(report))
-    print(json_text(report.as_json()) if opened.as_json else translate(report.as_text().rstrip()))
+    print(json_text(report.as_json()) if site_session.as_json else translate(report.as_text().rstrip()))
     return report.exit
 
 
-def _report(opened: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
+def _report(session: CommandSession, devices: Mapping[str, Mapping[str, Any]]) -> DriftReport:
     from atlantis_netcfg.runs.report.drift import DriftReport
 
-    unfinished = _unfinished(opened)
+    open_runs = _unfinished_runs(session)
     return DriftReport(
-        site=opened.site,
-        rehearsed=opened.rehearsed,
+        site=session.site,
+        is_rehearsal=session.is_rehearsal,
         devices=devices,
         not_handled={
             host.name: host.device.kind
-            for host in opened.hosts
-            if host.name not in devices and host.name not in opened.left_out
+            for host in session.hosts
+            if host.name not in devices and host.name not in session.left_out
         },
-        left_out=opened.left_out,
-        unfinished={host: run.id for host, run in unfinished.items()},
-        next_commands={host: run.next_command for host, run in unfinished.items()},
-        time_zone=opened.declaration.pilot.time_zone,
+        left_out=session.left_out,
+        unfinished_runs={host: run.id for host, run in open_runs.items()},
+        next_commands={host: run.next_command for host, run in open_runs.items()},
+        time_zone=session.declaration.pilot.time_zone,
     )
 
 
-def _unfinished(opened: CommandSession) -> dict[str, Run]:
+def _unfinished_runs(session: CommandSession) -> dict[str, Run]:
     """The runs that left the outcome on one of these devices open; of emulated devices none is left."""
-    if opened.rehearsed:
+    if session.is_rehearsal:
         return {}
-    sites = {host.name: host.site for host in opened.asked}
-    runs = [run for site in sorted(set(sites.values())) for run in opened.store.unfinished(site)]
-    return {host: run for run in runs for host in run.unsettled if host in sites}
+    sites = {host.name: host.site for host in session.handled_hosts}
+    runs = [run for site in sorted(set(sites.values())) for run in session.store.unfinished_runs(site)]
+    return {host: run for run in runs for host in run.unsettled_devices if host in sites}
 
 
 def _file(name: str | None) -> Path | None:
@@ -146,7 +146,7 @@ BACKUP = CommandSpec(
     "save the full state of a site's devices, changing nothing",
     group=Group.TROUBLE,
     words=(
-        Word("site", "the site, or `all`", required=True, example="coastal"),
+        Word("site", "the site, or `all`", is_required=True, example="coastal"),
         ONLY,
         INVENTORY,
     ),
@@ -175,11 +175,11 @@ def run_backup(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
 
-    with session(arguments, rehearse=arguments.flag("rehearse")) as opened:
-        if opened.rehearsed:
-            announce(opened)
-        report = opened.perform(Mode.BACKUP)
-    return opened.close(report)
+    with session(arguments, rehearse=arguments.flag("rehearse")) as site_session:
+        if site_session.is_rehearsal:
+            announce(site_session)
+        report = site_session.perform(Mode.BACKUP)
+    return site_session.close(report)
 
 
 VERIFY = CommandSpec(
@@ -188,7 +188,11 @@ VERIFY = CommandSpec(
     group=Group.DEVICE,
     words=(
         Word(
-            "device", "a RouterOS device or a RutOS unit", required=True, example="coastal-router", values=Values.HOST
+            "device",
+            "a RouterOS device or a RutOS unit",
+            is_required=True,
+            example="coastal-router",
+            values=Values.HOST,
         ),
         VIA,
         INVENTORY,
@@ -217,37 +221,41 @@ def run_verify(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.common.request import refuse_examples
-    from atlantis_netcfg.operations.verify import Verifying, written
+    from atlantis_netcfg.operations.verify import Verifying, write_report
 
     name = arguments.word("device")
     silence = arguments.flag("silence") and not arguments.flag("rehearse")
     _check_privilege(silence=silence)
-    found: list[Host] = []
+    hosts: list[Host] = []
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
-        found.append(_host(declaration, name, tries=arguments.flag("try") or arguments.flag("silence")))
-        return tuple(found)
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
+        hosts.append(_host(declaration, name, tries=arguments.flag("try") or arguments.flag("silence")))
+        return tuple(hosts)
 
     with session(
-        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), site="", chosen=chosen
-    ) as opened:
-        (host,) = found
-        opened.site = host.site
-        refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-        with progress(quiet=opened.as_json) as notify:
+        arguments,
+        rehearse=arguments.flag("rehearse"),
+        via=arguments.optional("via"),
+        site="",
+        choose_hosts=choose_hosts,
+    ) as site_session:
+        (host,) = hosts
+        site_session.site = host.site
+        refuse_examples(site_session.declaration, is_rehearsal=site_session.is_rehearsal)
+        with progress(quiet=site_session.as_json) as notify:
             verifying = Verifying(
-                opened.declaration,
+                site_session.declaration,
                 host,
-                opened.request(Mode.DRIFT),
+                site_session.request(Mode.DRIFT),
                 notify,
                 tries=arguments.flag("try"),
                 silence=silence,
             )
-            _pay(opened, verifying)
-            verified = _verified(opened, verifying)
+            _pay(site_session, verifying)
+            device = _verify(site_session, verifying)
         # What an emulated device does is no news to anybody.
-        result = verified if opened.rehearsed else written(verified, opened.state)
-    print(json_text(result.as_json()) if opened.as_json else translate(result.as_text()))
+        result = device if site_session.is_rehearsal else write_report(device, site_session.state)
+    print(json_text(result.as_json()) if site_session.as_json else translate(result.as_text()))
     return result.exit
 
 
@@ -266,14 +274,14 @@ def _check_privilege(*, silence: bool) -> None:
 def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
     from atlantis_netcfg.core.errors import UsageError, nearest
     from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-    from atlantis_netcfg.operations.common.kinds import handled
+    from atlantis_netcfg.operations.common.kinds import is_supported
 
     if name in declaration.hosts:
         host = declaration.hosts[name]
         is_rutos = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
         if is_rutos and tries:
             raise UsageError(f"{name} runs RutOS and is only read", hint="leave out `--try` and `--silence`")
-        if not handled(host) and not is_rutos:
+        if not is_supported(host) and not is_rutos:
             raise UsageError(f"{name} is a {host.device.kind.replace('_', ' ')}, and no RouterOS device")
         return host
     near = nearest(name, declaration.hosts)
@@ -283,24 +291,24 @@ def _host(declaration: Declaration, name: str, *, tries: bool) -> Host:
     )
 
 
-def _verified(opened: CommandSession, verifying: Verifying) -> VerifiedDevice:
+def _verify(session: CommandSession, verifying: Verifying) -> VerifiedDevice:
     """Ask; where rows are added nobody else may work at the site meanwhile."""
     if not (verifying.tries or verifying.silence):
         return verifying.run()
-    with opened.store.lock(opened.site, f"provision verify device={verifying.host.name} --try"):
+    with session.store.lock(session.site, f"provision verify device={verifying.host.name} --try"):
         return verifying.run()
 
 
-def _pay(opened: CommandSession, verifying: Verifying) -> None:
+def _pay(session: CommandSession, verifying: Verifying) -> None:
     """Tell what it costs where that is paid by the byte. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.cli.base.consent import pay
 
     cost = verifying.cost
-    if opened.rehearsed or not cost.link.metered:
+    if session.is_rehearsal or not cost.link.is_metered:
         return
     if cost.over_cap:
         raise cost.refusal()
-    pay([cost.words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+    pay([cost.words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
 
 
 RESTORE = CommandSpec(
@@ -308,12 +316,12 @@ RESTORE = CommandSpec(
     "put the state that a run has read back on a replacement device",
     group=Group.DEVICE,
     words=(
-        Word("device", "the device that is replaced", required=True, example="coastal-router", values=Values.HOST),
+        Word("device", "the device that is replaced", is_required=True, example="coastal-router", values=Values.HOST),
         Word("site", "its site, if you want that checked", example="coastal"),
         Word(
             "to",
             "the run whose state it gets, as `provision runs` lists it, or `latest`",
-            required=True,
+            is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
         ),
@@ -342,43 +350,43 @@ def run_restore(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import ALL
     from atlantis_netcfg.operations.restore import confirmed_state
 
-    rehearsed = arguments.flag("rehearse")
+    is_rehearsal = arguments.flag("rehearse")
     with session(
         arguments,
-        rehearse=rehearsed,
+        rehearse=is_rehearsal,
         via=arguments.optional("via"),
         site=arguments.optional("site") or ALL,
         only=[arguments.word("device")],
-    ) as opened:
-        (host,) = opened.hosts
-        opened.site = host.site
-        state = confirmed_state(opened.state, host, arguments.word("to"), rehearsed=rehearsed)
-        opened.restore = state.run
-        _tell(opened, state)
+    ) as site_session:
+        (host,) = site_session.hosts
+        site_session.site = host.site
+        state = confirmed_state(site_session.state, host, arguments.word("to"), is_rehearsal=is_rehearsal)
+        site_session.restore = state.run
+        _tell(site_session, state)
         if arguments.flag("plan"):
-            report = opened.plan()
-        elif opened.rehearsal is not None:
+            report = site_session.plan()
+        elif site_session.rehearsal is not None:
             from atlantis_netcfg.cli.base.rehearsal import announce, rehearse
 
-            announce(opened)
-            report = rehearse(opened, opened.rehearsal)
+            announce(site_session)
+            report = rehearse(site_session, site_session.rehearsal)
         else:
-            report = opened.change(ask=not arguments.flag("yes"))
-    return opened.close(report)
+            report = site_session.change(ask=not arguments.flag("yes"))
+    return site_session.close(report)
 
 
-def _tell(opened: CommandSession, state: SavedState) -> None:
+def _tell(session: CommandSession, state: SavedState) -> None:
     """Say what is put where: after the first run on the replacement, `latest` is a state of its own."""
-    if opened.as_json:
+    if session.as_json:
         return
     from atlantis_netcfg.core.times import time_text
 
-    run = opened.store.run(opened.site, state.run) if not opened.rehearsed else None
-    when = time_text(state.at, opened.declaration.pilot.time_zone)
-    print(translate(f"{opened.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
-    if run is not None and run.started is not None and run.started.revision != opened.declaration.revision:
+    run = session.store.run(session.site, state.run) if not session.is_rehearsal else None
+    when = time_text(state.at, session.declaration.pilot.time_zone)
+    print(translate(f"{session.hosts[0].name}: the state that run {state.run} read back at {when}"), flush=True)
+    if run is not None and run.start_record is not None and run.start_record.revision != session.declaration.revision:
         print(
-            translate(f"  the inventory has changed: `provision site={opened.site}` brings what it declares now"),
+            translate(f"  the inventory has changed: `provision site={session.site}` brings what it declares now"),
             flush=True,
         )
 
@@ -388,12 +396,12 @@ UPGRADE = CommandSpec(
     "put given RouterOS packages on one device, reboot it, and read back what runs",
     group=Group.DEVICE,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
-        Word("device", "the device of it", required=True, example="coastal-router", values=Values.HOST),
+        Word("site", "the site", is_required=True, example="coastal"),
+        Word("device", "the device of it", is_required=True, example="coastal-router", values=Values.HOST),
         Word(
             "packages",
             "the `.npk` files, all of one version",
-            required=True,
+            is_required=True,
             many=True,
             example="routeros-7.21.5-arm64.npk",
         ),
@@ -431,77 +439,81 @@ def run_upgrade(arguments: Arguments) -> ExitCode:
             rehearse=arguments.flag("rehearse"),
             via=arguments.optional("via"),
             only=[arguments.word("device")],
-        ) as opened,
-        progress(quiet=opened.as_json) as notify,
+        ) as site_session,
+        progress(quiet=site_session.as_json) as notify,
     ):
-        (host,) = opened.hosts
-        looking = opened.paid(opened.request(Mode.PLAN))
-        request = opened.request(Mode.APPLY)
+        (host,) = site_session.hosts
+        looking = site_session.confirm_cost(site_session.request(Mode.PLAN))
+        request = site_session.request(Mode.APPLY)
         files = [Path(name) for name in arguments.many("packages")]
-        prepared = PreparedUpgrade.of(
-            opened.declaration,
+        preparation = PreparedUpgrade.of(
+            site_session.declaration,
             host,
             files,
             looking,
             notify,
             give_up=arguments.many("drop"),
             # An emulated router is back within seconds, however far away its bearer is.
-            waiting=WaitingUpgrade(poll_s=1.0, connect_s=10.0) if opened.rehearsed else WaitingUpgrade(),
+            waiting=WaitingUpgrade(poll_s=1.0, connect_s=10.0) if site_session.is_rehearsal else WaitingUpgrade(),
         )
-        if not prepared.upgrade.send:
-            return _close(opened, prepared.unchanged())
-        _show(opened, prepared)
-        prepared.affordable(request)
+        if not preparation.upgrade.send:
+            return _close(site_session, preparation.unchanged_result())
+        _show(site_session, preparation)
+        preparation.affordable(request)
         if arguments.flag("plan"):
-            return _close(opened, prepared.planned())
-        accepted = _ask(opened, prepared, request)
-        return _close(opened, prepared.carry_out(opened.declaration, accepted))
+            return _close(site_session, preparation.plan_result())
+        accepted_request = _ask(site_session, preparation, request)
+        return _close(site_session, preparation.carry_out(site_session.declaration, accepted_request))
 
 
-def _show(opened: CommandSession, prepared: PreparedUpgrade) -> None:
+def _show(session: CommandSession, preparation: PreparedUpgrade) -> None:
     """Print what would be sent, what it costs, and what it brings with it."""
     from atlantis_netcfg.core import printable
 
-    if opened.as_json:
+    if session.as_json:
         return
-    seen, upgrade = prepared.seen.installed, prepared.upgrade
-    print(translate(f"{prepared.job.name}: {printable.line(seen.board)}, RouterOS {seen.version} -> {upgrade.version}"))
+    current, upgrade = preparation.observation.software, preparation.upgrade
+    print(
+        translate(
+            f"{preparation.job.name}: {printable.line(current.board)}, RouterOS {current.version} -> {upgrade.version}"
+        )
+    )
     for package in upgrade.send:
         print(
             translate(f"  send {package.path.name:<34} {package.size / 1e6:6.1f} MB   SHA-256 {package.sha256[:16]}…")
         )
-    dear = ", which is paid by the byte" if prepared.bearer.metered else ""
-    cost = f"{upgrade.size / 1e6:.1f} MB over {prepared.bearer.name}{dear}: about {prepared.seconds:.0f} s"
+    dear = ", which is paid by the byte" if preparation.bearer.is_metered else ""
+    cost = f"{upgrade.size / 1e6:.1f} MB over {preparation.bearer.name}{dear}: about {preparation.seconds:.0f} s"
     print(translate(f"  {cost}; then a reboot"))
-    if prepared.bearer.metered:
-        print(translate(f"  {prepared.cost.words}"))
+    if preparation.bearer.is_metered:
+        print(translate(f"  {preparation.cost.words}"))
     for note in upgrade.notes:
         print(translate(f"  note: {note}"))
 
 
-def _ask(opened: CommandSession, prepared: PreparedUpgrade, request: Request) -> Request:
+def _ask(session: CommandSession, preparation: PreparedUpgrade, request: Request) -> Request:
     """Ask for a person's money, then for the reboot; return the request with the first answer."""
-    from atlantis_netcfg.cli.base.consent import agreed, pays
+    from atlantis_netcfg.cli.base.consent import pays, require_agreement
 
-    if opened.rehearsal is not None:
+    if session.rehearsal is not None:
         return request
-    if prepared.bearer.metered and not request.accept_cost:
-        pays([prepared.cost.words], ask=not opened.as_json)
+    if preparation.bearer.is_metered and not request.accept_cost:
+        pays([preparation.cost.words], ask=not session.as_json)
         request = request.model_copy(update={"accept_cost": True})
-    if not opened.arguments.flag("yes"):
-        agreed(f"Send {prepared.upgrade.size / 1e6:.1f} MB and reboot {prepared.job.name} now?")
+    if not session.arguments.flag("yes"):
+        require_agreement(f"Send {preparation.upgrade.size / 1e6:.1f} MB and reboot {preparation.job.name} now?")
     return request
 
 
-def _close(opened: CommandSession, upgraded: Upgraded) -> ExitCode:
+def _close(session: CommandSession, result: UpgradeResult) -> ExitCode:
     from atlantis_netcfg.core import printable
 
-    if opened.as_json:
-        print(json_text(upgraded.as_json()))
-        return upgraded.exit
-    print(f"  {upgraded.device:<18} {printable.below(translate(upgraded.message), 21)}")
-    for line in filter(None, (upgraded.hint, *(f"note: {note}" for note in upgraded.notes))):
+    if session.as_json:
+        print(json_text(result.as_json()))
+        return result.exit
+    print(f"  {result.device:<18} {printable.below(translate(result.message), 21)}")
+    for line in filter(None, (result.hint, *(f"note: {note}" for note in result.notes))):
         print(f"  {'':<18} {printable.below(translate(line), 21)}")
-    if upgraded.run:
-        print(translate(f"  recorded as {upgraded.run}"))
-    return upgraded.exit
+    if result.run:
+        print(translate(f"  recorded as {result.run}"))
+    return result.exit

@@ -27,8 +27,8 @@ FIT = CommandSpec(
     "say whether what a vehicle publishes fits each link of a site, what to thin, and what it costs",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
-        Word("vehicle", "whose `telemetry:` is taken", required=True, example="sparus"),
+        Word("site", "the site", is_required=True, example="coastal"),
+        Word("vehicle", "whose `telemetry:` is taken", is_required=True, example="sparus"),
         Word("link", "this link alone; all of the site if left out", example="satellite"),
         Word(
             "run",
@@ -61,13 +61,13 @@ def run_fit(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.fit import vehicle_fit
     from atlantis_netcfg.runs import Store, utc_now
 
-    named = arguments.optional("inventory")
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    inventory_name = arguments.optional("inventory")
+    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
     telemetry, change = _listen(arguments, declaration)
     state = paths.state_dir()
-    found = vehicle_fit(
+    fit = vehicle_fit(
         declaration if telemetry is None else telemetry.of(declaration),
-        [Store(state), Store(state, rehearsed=True)],
+        [Store(state), Store(state, is_rehearsal=True)],
         arguments.word("site"),
         arguments.word("vehicle"),
         utc_now(),
@@ -75,15 +75,15 @@ def run_fit(arguments: Arguments) -> ExitCode:
         run=arguments.optional("run"),
     )
     wrong = telemetry is not None and telemetry.wrong is not None
-    code = ExitCode.CHECKS_FAILED if wrong else found.exit
-    written = arguments.flag("write")
+    code = ExitCode.CHECKS_FAILED if wrong else fit.exit
+    is_written = arguments.flag("write")
     if arguments.flag("json"):
-        more = {} if telemetry is None or change is None else _as_json(telemetry, change, written=written)
-        print(json_text({**found.as_json(), **more, "exit": int(code)}))
+        more = {} if telemetry is None or change is None else _as_json(telemetry, change, is_written=is_written)
+        print(json_text({**fit.as_json(), **more, "exit": int(code)}))
     else:
-        printable.show(rows(found), sys.stdout)
+        printable.show(rows(fit), sys.stdout)
         if telemetry is not None and change is not None:
-            printable.show(_change_rows(telemetry, change, written=written), sys.stdout)
+            printable.show(_change_rows(telemetry, change, is_written=is_written), sys.stdout)
     return code
 
 
@@ -111,7 +111,7 @@ def _listen(
     return telemetry, change
 
 
-def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, written: bool) -> Iterator[Row]:
+def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_written: bool) -> Iterator[Row]:
     yield ""
     for finding in telemetry.findings:
         yield from _message(f"{finding.verdict.value}: {translate(finding.message)}", 0)
@@ -120,24 +120,24 @@ def _change_rows(telemetry: MeasuredTelemetry, change: TelemetryChange, *, writt
     if not change.difference:
         yield translate(f"{change.file} says the same already")
         return
-    yield translate(f"{change.file} was written:" if written else f"{change.file}, with `--write`:")
+    yield translate(f"{change.file} was written:" if is_written else f"{change.file}, with `--write`:")
     yield from (f"  {line}" for line in change.difference)
 
 
-def _as_json(telemetry: MeasuredTelemetry, change: TelemetryChange, *, written: bool) -> dict[str, object]:
-    file = change.file if written and change.difference else None
+def _as_json(telemetry: MeasuredTelemetry, change: TelemetryChange, *, is_written: bool) -> dict[str, object]:
+    file = change.file if is_written and change.difference else None
     return {"observed": telemetry.as_dict(), "difference": change.difference, "written": file}
 
 
-def rows(found: VehicleFit) -> Iterator[Row]:
+def rows(fit: VehicleFit) -> Iterator[Row]:
     """The lines for a person, none of them longer than 80 columns but for long names."""
-    count = len(found.links[0].topics)
-    yield translate(f"{found.vehicle} at {found.site}: {count} topics by {found.middleware.value}")
-    centres = "a control centre" if found.subscribers == 1 else f"{found.subscribers} control centres, a copy to each"
+    count = len(fit.links[0].topics)
+    yield translate(f"{fit.vehicle} at {fit.site}: {count} topics by {fit.middleware.value}")
+    centres = "a control centre" if fit.subscribers == 1 else f"{fit.subscribers} control centres, a copy to each"
     yield from _message(
         f"published to {centres}; bytes and packets are of one message, with DDS, VPN and IP headers", 0
     )
-    for link in found.links:
+    for link in fit.links:
         yield ""
         yield from _link(link)
     yield ""
@@ -145,10 +145,10 @@ def rows(found: VehicleFit) -> Iterator[Row]:
 
 
 def _link(link: LinkFit) -> Iterator[Row]:
-    from atlantis_netcfg.core.printable import Style, Styled
+    from atlantis_netcfg.core.printable import Style, StyledText
 
     style = {"PASS": Style.GOOD, "FAIL": Style.BAD}.get(link.verdict.value, Style.WARNING)
-    yield (f"{link.link.name}  ", Styled(f"{link.verdict.value}: {translate(link.word)}", style))
+    yield (f"{link.link.name}  ", StyledText(f"{link.verdict.value}: {translate(link.word)}", style))
     yield from _message(link.reason)
     yield from _message(_capacity(link.capacity))
     yield (
@@ -162,36 +162,36 @@ def _link(link: LinkFit) -> Iterator[Row]:
         f"at these rates, with what the site sends by itself: {link.up_bps / up:.0%} of the capacity up, "
         f"{link.down_bps / down:.0%} down"
     )
-    yield from _money(link, thinned=False)
+    yield from _money(link, is_thinned=False)
     if not link.fits:
-        yield from _thinned(link)
+        yield from _thinning_rows(link)
     for words in link.warnings:
         yield from _message(words)
 
 
-def _thinned(link: LinkFit) -> Iterator[Row]:
+def _thinning_rows(link: LinkFit) -> Iterator[Row]:
     for topic in link.topics:
-        if topic.thinned:
-            yield from _message(f"thin {topic.declared.topic}: {topic.declared.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
+        if topic.is_thinned:
+            yield from _message(f"thin {topic.topic.topic}: {topic.topic.rate_hz:g} Hz -> {topic.rate_hz:g} Hz")
     up, down = link.capacity.pace.up_bps, link.capacity.down_bps
     with_it = f"{link.thinned_up_bps / up:.0%} of the capacity up, {link.thinned_down_bps / down:.0%} down"
     if link.fits_thinned:
         yield from _message(f"thinned: {with_it}")
-        yield from _money(link, thinned=True)
+        yield from _money(link, is_thinned=True)
     else:
         yield from _message(f"also at the lowest useful rates it does not fit: {with_it}")
         for topic in link.topics:
             if topic.most_hz < topic.rate_hz:
-                yield from _message(f"{topic.declared.topic} alone would fit up to {topic.most_hz:g} Hz")
+                yield from _message(f"{topic.topic.topic} alone would fit up to {topic.most_hz:g} Hz")
 
 
-def _money(link: LinkFit, *, thinned: bool) -> Iterator[Row]:
+def _money(link: LinkFit, *, is_thinned: bool) -> Iterator[Row]:
     from atlantis_netcfg.links.cost import size
     from atlantis_netcfg.links.standing_traffic import DAY_S
 
     for seconds, name in ((3600, "an hour"), (DAY_S, "a day")):
-        cost = link.costs(seconds, thinned=thinned)
-        yield from _message(f"{name}: {cost.words if link.link.metered else size(cost.payload_bytes)}", 4)
+        cost = link.costs(seconds, is_thinned=is_thinned)
+        yield from _message(f"{name}: {cost.words if link.link.is_metered else size(cost.payload_bytes)}", 4)
 
 
 def _capacity(capacity: Capacity) -> str:
@@ -204,13 +204,13 @@ def _capacity(capacity: Capacity) -> str:
 
 def _topic(topic: TopicFit) -> str:
     cost = topic.cost
-    lost = "?" if topic.message_loss is None else f"{topic.message_loss:.1%}"
-    if topic.declared.reliable:
-        lost = "again"
+    loss_text = "?" if topic.message_loss is None else f"{topic.message_loss:.1%}"
+    if topic.topic.reliable:
+        loss_text = "again"
     takes = f"{topic.seconds * 1000:.0f} ms" if topic.seconds < 1 else f"{topic.seconds:.1f} s"
     return (
-        f"  {topic.declared.topic:<20}{topic.declared.rate_hz:>6g}{cost.bytes_up:>9.0f}{cost.packets_up:>9.3g}"
-        f"{cost.bytes_down:>8.0f}{topic.share:>8.1%}{takes:>9}{lost:>8}"
+        f"  {topic.topic.topic:<20}{topic.topic.rate_hz:>6g}{cost.bytes_up:>9.0f}{cost.packets_up:>9.3g}"
+        f"{cost.bytes_down:>8.0f}{topic.share:>8.1%}{takes:>9}{loss_text:>8}"
     )
 
 

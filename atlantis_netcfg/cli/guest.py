@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.operations.guests import GuestEntry
-    from atlantis_netcfg.operations.vpn.server import Deployed
+    from atlantis_netcfg.operations.vpn.server import DeployResult
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
     from atlantis_netcfg.vpn.identity import Member
@@ -36,17 +36,20 @@ GUEST_ADD = CommandSpec(
     "let a robot in that is here for a while: its entry, its checklist, its way into the VPN with an end, its DDS",
     group=Group.VPN,
     words=(
-        Word("name", "its key in the declaration, and its device's name in the VPN", required=True, example="lauv"),
-        Word("partner", "whose robot it is", required=True, example="iqua"),
-        Word("kind", "what sort of robot it is", required=True, choices=("auv", "asv", "uav", "rov")),
+        Word("name", "its key in the declaration, and its device's name in the VPN", is_required=True, example="lauv"),
+        Word("partner", "whose robot it is", is_required=True, example="iqua"),
+        Word("kind", "what sort of robot it is", is_required=True, choices=("auv", "asv", "uav", "rov")),
         Word(
-            "until", "its last day here; no certificate of it is good for longer", required=True, example="2026-12-31"
+            "until",
+            "its last day here; no certificate of it is good for longer",
+            is_required=True,
+            example="2026-12-31",
         ),
-        Word("site", "where it is tested", required=True, many=True, example="coastal"),
+        Word("site", "where it is tested", is_required=True, many=True, example="coastal"),
         Word(
             "cells",
             "what it has: a person confirms each in the checklist, until `endpoints` are declared",
-            required=True,
+            is_required=True,
             many=True,
             choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet"),
         ),
@@ -87,30 +90,30 @@ def _add(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipients_of
     from atlantis_netcfg.vpn.requests import request_of
 
-    before, entry = _common.declared(arguments), _entry(arguments)
+    before, entry = _common.load_declaration(arguments), _entry(arguments)
     text, declaration = _declared_with(before, entry)
     words = _device(arguments, entry)
     request = request_of(declaration, words)
     target = members.handout_target(arguments, recipients_of([words], [request.name]))
-    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
-    authority = _common.opened(arguments)
+    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    authority = _common.open_authority(arguments)
     server = _common.server(arguments, declaration)
     onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
-    handed = onboarding.finished([request])
+    packages = onboarding.find_existing([request])
     if arguments.flag("plan"):
-        return _tell_plan(arguments, _steps_of_add(entry, request, declared=text is None, member=bool(handed)))
-    if not handed:
+        return _tell_plan(arguments, _steps_of_add(entry, request, is_declared=text is None, member=bool(packages)))
+    if not packages:
         from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
 
         passphrase = passphrase_prompt(arguments)
         members.hold(arguments, server, authority)
         with _declared_until_issued(before, entry.name, authority, text):
-            handed = onboarding.issue([request], passphrase)
+            packages = onboarding.issue([request], passphrase)
     elif text is not None:
         inventory_files.write(before.root, guests.FILE, text)
     _say(arguments, _lines_of_add(entry, already=text is None))
     more = {"guest": entry.name, "declared": guests.FILE, "until": entry.until, "sites": list(entry.sites)}
-    return members.close(arguments, declaration, handed, server, authority, more=more)
+    return members.close(arguments, declaration, packages, server, authority, more=more)
 
 
 def _alone(arguments: Arguments) -> AbstractContextManager[object]:
@@ -163,7 +166,7 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
     if there is None:
         _refuse_unknown(before, entry)
         text = guests.with_guest(guests.text_of(before.root), entry)
-        return text, inventory_files.validated(before.root, guests.FILE, text)
+        return text, inventory_files.validate_change(before.root, guests.FILE, text)
     if not entry.same(there):
         hint = f"`provision guest end name={entry.name}` takes it away; or correct {guests.FILE}"
         raise UsageError(f"the guest `{entry.name}` is declared already, and otherwise", hint=hint)
@@ -173,15 +176,15 @@ def _declared_with(before: Declaration, entry: GuestEntry) -> tuple[str | None, 
 def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
     """Tell a word that was typed as a word, before it would be told as a line of a file."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.inventory.findings import suggest
 
-    for word, typed, known in (
+    for word, values, names in (
         ("partner", (entry.partner,), declaration.partners),
         ("site", entry.sites, declaration.sites),
     ):
-        for each in typed:
-            if each not in known:
-                hint = meant(each, known, none=f"declare the {word} first")
+        for each in values:
+            if each not in names:
+                hint = suggest(each, names, none=f"declare the {word} first")
                 raise UsageError(f"`{word}={each}`: there is no such {word}", hint=hint)
 
 
@@ -218,11 +221,11 @@ def _declared_until_issued(before: Declaration, name: str, authority: Authority,
         raise
 
 
-def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, declared: bool, member: bool) -> list[str]:
+def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, is_declared: bool, member: bool) -> list[str]:
     from atlantis_netcfg.operations.guests import FILE
 
     steps = []
-    if not declared:
+    if not is_declared:
         cells = ", ".join(entry.cells)
         steps.append(f"declare {entry.name} in {FILE}: {cells}, tested at {', '.join(entry.sites)}")
     if not member:
@@ -261,7 +264,7 @@ GUEST_END = CommandSpec(
     "take a guest away: out of the VPN for good and out of the declaration, and see that nothing of it is left",
     group=Group.VPN,
     words=(
-        Word("name", "the guest", required=True, example="lauv"),
+        Word("name", "the guest", is_required=True, example="lauv"),
         Word("reason", "for the record, one line; `its stay has ended` if left out"),
         CLOCK,
         AUTHORITY,
@@ -288,20 +291,20 @@ def _end(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.atomic_files import remove_orphans
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.common import inventory_files
-    from atlantis_netcfg.operations.vpn.server import Deployed
+    from atlantis_netcfg.operations.vpn.server import DeployResult
     from atlantis_netcfg.vpn.members import reason_of
 
-    before, name = _common.declared(arguments), arguments.word("name")
+    before, name = _common.load_declaration(arguments), arguments.word("name")
     reason = reason_of(arguments.optional("reason") or "its stay has ended")
-    guest, authority = guests.declared_guest(before, name), _common.opened(arguments)
-    known = guests.members_of(authority, name)
+    guest, authority = guests.declared_guest(before, name), _common.open_authority(arguments)
+    members = guests.members_of(authority, name)
     if not arguments.flag("plan"):
         remove_orphans(before.root / guests.FILE)
-    if guest is None and not known:
+    if guest is None and not members:
         raise guests.unknown(before, name)
     text = guests.without_guest(guests.text_of(before.root) or "", name) if guest is not None else None
-    after = inventory_files.validated(before.root, guests.FILE, text) if guest is not None else before
-    due = _to_revoke(authority, known)
+    after = inventory_files.validate_change(before.root, guests.FILE, text) if guest is not None else before
+    due = _to_revoke(authority, members)
     steps = [f"put {member.name} out of the VPN, for good" for member in due]
     steps += [f"take {name} out of {guests.FILE}"] if guest is not None else []
     robot = guests.robot_file(before.root, name)
@@ -310,37 +313,37 @@ def _end(arguments: Arguments) -> ExitCode:
         return _tell_plan(arguments, steps)
     if steps:
         _agree(arguments, name, steps)
-    deployed = _put_out(arguments, after, authority, due, reason) if due else Deployed()
+    deployment = _put_out(arguments, after, authority, due, reason) if due else DeployResult()
     if guest is not None:
         inventory_files.write(before.root, guests.FILE, text)
     robot.unlink(missing_ok=True)
-    guests.remove_handouts(authority, known)
-    left = guests.left_over(before.root, authority, name)
-    return _tell_end(arguments, known, deployed, left, already=not steps)
+    guests.remove_handouts(authority, members)
+    leftovers = guests.left_over(before.root, authority, name)
+    return _tell_end(arguments, members, deployment, leftovers, already=not steps)
 
 
 def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member, ...]:
     """Those who are in the VPN, or of whom the server has not confirmed that they are out."""
-    queued = set(authority.membership().queued)
+    queued_names = set(authority.membership().queued_names)
     return tuple(
         member
         for member in members
-        if member.good or any(certificate.common_name in queued for certificate in member.certificates)
+        if member.good or any(certificate.common_name in queued_names for certificate in member.certificates)
     )
 
 
 def _agree(arguments: Arguments, name: str, steps: Sequence[str]) -> None:
     """Show what will be done, and return when a person agrees. Raises Declined, UsageError."""
-    from atlantis_netcfg.cli.base.consent import agreed
+    from atlantis_netcfg.cli.base.consent import require_agreement
 
     if not arguments.flag("yes"):
         _say(arguments, [f"  {step}" for step in steps])
-        agreed(f"End the stay of {name} now?")
+        require_agreement(f"End the stay of {name} now?")
 
 
 def _put_out(
     arguments: Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
-) -> Deployed:
+) -> DeployResult:
     """Record that they are revoked, and see that the server lets none of them in any more."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
@@ -350,26 +353,36 @@ def _put_out(
 
     server, passphrase = _common.server(arguments, after), passphrase_prompt(arguments)
     hold(arguments, server, authority)
-    revoked = revoke(_common.operator(arguments, authority), members, reason, passphrase)
+    revocation = revoke(_common.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
-        return server.cut(authority, revoked, notify)
+        return server.cut(authority, revocation, notify)
 
 
 def _tell_end(
-    arguments: Arguments, members: Sequence[Member], deployed: Deployed, left: Sequence[str], *, already: bool
+    arguments: Arguments,
+    members: Sequence[Member],
+    deployment: DeployResult,
+    leftovers: Sequence[str],
+    *,
+    already: bool,
 ) -> ExitCode:
     """Tell who is out, by which evidence, and what was looked for and is not there any more."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.guests import GuestLeftOver
 
-    name, errors = arguments.word("name"), list(deployed.errors)
-    errors += [GuestLeftOver(f"something of {name} is left: {words}", hint="remove it by hand") for words in left]
+    name, errors = arguments.word("name"), list(deployment.errors)
+    errors += [GuestLeftOver(f"something of {name} is left: {words}", hint="remove it by hand") for words in leftovers]
     lines = [f"{member.name}: revoked" for member in members]
-    if not left:
-        known = deployed.deployed
-        how = "already so" if already else "ended" if known else "ended here, and the server does not know it yet"
+    if not leftovers:
+        is_deployed = deployment.is_deployed
+        how = "already so" if already else "ended" if is_deployed else "ended here, and the server does not know it yet"
         lines.append(f"{name}: {how}; it is not declared, has no good certificate, and no file of it is left here")
-    values = {"guest": name, "members": [member.name for member in members], "left": list(left), **deployed.as_json()}
+    values = {
+        "guest": name,
+        "members": [member.name for member in members],
+        "left": list(leftovers),
+        **deployment.as_json(),
+    }
     code = max((error.exit for error in errors), default=ExitCode.DONE)
-    return _common.tell(arguments, code, values, [*lines, *deployed.lines], errors)
+    return _common.tell(arguments, code, values, [*lines, *deployment.lines], errors)

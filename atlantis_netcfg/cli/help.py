@@ -62,9 +62,9 @@ def overview(table: Mapping[str, str]) -> str:
     ]
     commands = [load(name, table).command for name in table]
     column = max(len(command.name) for command in commands)
-    for title, listed in grouped(commands):
+    for title, members in group_commands(commands):
         lines += ["", f"{translate(title)}:"]
-        lines += _columns(((_typed(command), translate(command.summary)) for command in listed), column)
+        lines += _columns(((_command_form(command), translate(command.summary)) for command in members), column)
     lines += ["", f"{translate('Exit codes')}:"]
     return "\n".join([*lines, *_columns((str(int(code)), translate(meaning)) for code, meaning in MEANING.items())])
 
@@ -77,29 +77,29 @@ def of_group(word: str, table: Mapping[str, str]) -> str:
     return "\n".join([*lines, "", *_columns((command.name, translate(command.summary)) for command in commands)])
 
 
-def _typed(command: CommandSpec) -> str:
+def _command_form(command: CommandSpec) -> str:
     """How a person types it: of the default command its first word is the name."""
     return "site=NAME" if command.name == DEFAULT else command.name
 
 
-def grouped(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
+def group_commands(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
     """The commands by the title of their group, in the order of the groups; none is left out."""
     for group in (*Group, None):
-        listed = [command for command in commands if command.group is group]
-        if listed:
-            yield group.value if group is not None else "Other commands", listed
+        members = [command for command in commands if command.group is group]
+        if members:
+            yield group.value if group is not None else "Other commands", members
 
 
 def of_command(command: CommandSpec) -> str:
     """What `provision COMMAND --help` prints."""
-    required = [word.shown for word in command.words if word.required]
-    optional = [f"[{word.shown}]" for word in command.words if not word.required]
+    required_words = [word.usage for word in command.words if word.is_required]
+    optional = [f"[{word.usage}]" for word in command.words if not word.is_required]
     flags = [f"[--{flag.name}{f' {flag.takes}' if flag.takes else ''}]" for flag in command.flags]
     lines = [*_paragraph(f"provision {command.name}: {translate(command.summary)}"), "", f"{translate('Usage')}:"]
-    lines += _wrapped(f"provision {command.name}", [*required, *optional, *flags])
+    lines += _wrap_usage(f"provision {command.name}", [*required_words, *optional, *flags])
     if command.words:
-        lines += ["", f"{translate('Words')}:", *_columns((word.shown, word_text(word)) for word in command.words)]
-    rows = ((flag.shown, translate(flag.help)) for flag in (*command.flags, *FRAME))
+        lines += ["", f"{translate('Words')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
+    rows = ((flag.usage, translate(flag.help)) for flag in (*command.flags, *FRAME))
     lines += ["", f"{translate('Flags')}:", *_columns(rows)]
     for paragraph in command.details.strip().splitlines():
         lines += ["", *_paragraph(paragraph)]
@@ -109,12 +109,12 @@ def of_command(command: CommandSpec) -> str:
 def word_text(word: Word) -> str:
     """What help says about a word: its choices too, where they do not stand in its form."""
     text = translate(word.help)
-    if word.choices and "|".join(word.choices) not in word.shown:
+    if word.choices and "|".join(word.choices) not in word.usage:
         text += f": {', '.join(word.choices)}"
-    return f"{text} ({translate('required')})" if word.required else text
+    return f"{text} ({translate('required')})" if word.is_required else text
 
 
-def _wrapped(start: str, pieces: list[str]) -> list[str]:
+def _wrap_usage(start: str, pieces: list[str]) -> list[str]:
     """The usage line, broken between its pieces where a console would break it anywhere."""
     lines = [f"  {start}"]
     for piece in pieces:
@@ -130,7 +130,7 @@ def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
     width = width or max((len(left) for left, _ in table if len(left) <= _COLUMN), default=_COLUMN)
     lines: list[str] = []
     for left, right in table:
-        first, *others = _filled(right, WIDTH - width - 4) or [""]
+        first, *others = _fill(right, WIDTH - width - 4) or [""]
         if len(left) > width:
             lines += [f"  {left}", f"  {'':<{width}}  {first}"]
         else:
@@ -140,17 +140,17 @@ def _columns(rows: Iterable[tuple[str, str]], width: int = 0) -> list[str]:
 
 
 def _paragraph(text: str) -> list[str]:
-    return _filled(translate(text), WIDTH)
+    return _fill(translate(text), WIDTH)
 
 
 _NO_BREAK = "\xa0"
 
 
-def _filled(text: str, width: int) -> list[str]:
+def _fill(text: str, width: int) -> list[str]:
     """Lines of at most so many columns: no word is broken, and nothing between back quotes, which people type."""
     from textwrap import wrap
 
-    together = re.sub(r"`[^`]*`", lambda quoted: quoted[0].replace(" ", _NO_BREAK), text)
+    together = re.sub(r"`[^`]*`", lambda match: match[0].replace(" ", _NO_BREAK), text)
     lines = wrap(together, width, break_long_words=False, break_on_hyphens=False)
     return [line.replace(_NO_BREAK, " ") for line in lines]
 

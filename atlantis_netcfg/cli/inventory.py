@@ -21,7 +21,7 @@ INIT = CommandSpec(
     "init",
     "make an inventory of your own, by questions on the terminal",
     group=Group.LAPTOP,
-    words=(Word("folder", "the new folder", required=True, example="my-pilot", bare=True),),
+    words=(Word("folder", "the new folder", is_required=True, example="my-pilot", bare=True),),
     flags=(
         Flag("from", "`example`: copy the shipped inventory, without questions", takes="example"),
         Flag("answers", "read the answers from this file (YAML) instead of asking", takes="FILE"),
@@ -47,19 +47,19 @@ def run_init(arguments: Arguments) -> ExitCode:
     source = _source(arguments)
     refuse_used(folder)
     if source == "example":
-        created = create(folder, {**example_files(_shipped()), README: _readme(folder, sealed=None)})
-        return _confirm(folder, created, sealed=None, as_json=as_json)
-    given = _ask_person() if source == "questions" else _read(Path(source))
-    if isinstance(given, InventoryInvalid):
-        return _refuse(given, "in the answers; nothing was written", as_json=as_json)
-    answers, typed = given
+        declaration = create(folder, {**example_files(_example_folder()), README: _readme(folder, is_encrypted=None)})
+        return _confirm(folder, declaration, is_encrypted=None, as_json=as_json)
+    result = _ask_person() if source == "questions" else _read(Path(source))
+    if isinstance(result, InventoryInvalid):
+        return _refuse(result, "in the answers; nothing was written", as_json=as_json)
+    answers, raw_answers = result
     encrypt = _encrypt(ask=source == "questions")
-    files = {**_files(answers, encrypt), README: _readme(folder, sealed=encrypt is not None)}
+    files = {**_files(answers, encrypt), README: _readme(folder, is_encrypted=encrypt is not None)}
     try:
-        created = create(folder, files)
+        declaration = create(folder, files)
     except InventoryInvalid as error:
-        return _keep(error, folder, typed if source == "questions" else None, as_json=as_json)
-    return _confirm(folder, created, sealed=encrypt is not None, as_json=as_json)
+        return _keep(error, folder, raw_answers if source == "questions" else None, as_json=as_json)
+    return _confirm(folder, declaration, is_encrypted=encrypt is not None, as_json=as_json)
 
 
 def _source(arguments: Arguments) -> str:
@@ -81,7 +81,7 @@ def _source(arguments: Arguments) -> str:
     return example or file or "questions"
 
 
-def _shipped() -> Path:
+def _example_folder() -> Path:
     from atlantis_netcfg.core import paths
 
     return paths.checkout() / "inventory"
@@ -113,8 +113,8 @@ def _ask_person() -> tuple[InventoryAnswers, Mapping[str, Any]]:
             ) from None
 
     print(translate("Enter alone gives what stands in brackets. Ctrl-C stops: nothing is written then."))
-    typed = Interview(ask, lambda words: print(translate(words))).answers()
-    return InventoryAnswers.model_validate(typed), typed
+    raw_answers = Interview(ask, lambda words: print(translate(words))).answers()
+    return InventoryAnswers.model_validate(raw_answers), raw_answers
 
 
 def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
@@ -130,12 +130,12 @@ def _encrypt(*, ask: bool) -> Callable[[str], str] | None:
         return Vault().encrypt
     if not ask:
         return None
-    typed = getpass(translate("Choose a password for the inventory's vault [passwords are EXAMPLE values]: "))
-    if not typed:
+    password = getpass(translate("Choose a password for the inventory's vault [passwords are EXAMPLE values]: "))
+    if not password:
         return None
-    if getpass(translate("The same again: ")) != typed:
+    if getpass(translate("The same again: ")) != password:
         raise UsageError("the two are not the same, so nothing was written", hint="type the command again")
-    return Vault(lambda _: Secret(typed)).encrypt
+    return Vault(lambda _: Secret(password)).encrypt
 
 
 def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> dict[str, str]:
@@ -143,16 +143,16 @@ def _files(answers: InventoryAnswers, encrypt: Callable[[str], str] | None) -> d
 
     from atlantis_netcfg.inventory.new_inventory.files import files
 
-    vehicles = yaml.safe_load((_shipped() / "group_vars/all/vehicles.yml").read_text(encoding="utf-8"))
+    vehicles = yaml.safe_load((_example_folder() / "group_vars/all/vehicles.yml").read_text(encoding="utf-8"))
     return files(answers, vehicles["vehicles"], encrypt)
 
 
-def _readme(folder: Path, *, sealed: bool | None) -> str:
-    """What to do next, to lie beside the files; `sealed`: whether passwords were made, None for the copied example."""
+def _readme(folder: Path, *, is_encrypted: bool | None) -> str:
+    """The next steps, as a file beside the inventory; `is_encrypted` is None for the copied example."""
     vault = (
         "Passwords were made new and are encrypted. Keep the vault's password outside this folder:"
         " `ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …`, or type it when you are asked."
-        if sealed
+        if is_encrypted
         else "Passwords are examples. Write yours: `ansible-vault encrypt_string --stdin-name password`."
     )
     return f"""\
@@ -183,7 +183,7 @@ def _refuse(error: InventoryInvalid, where: str, *, as_json: bool) -> ExitCode:
     return error.exit
 
 
-def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None, *, as_json: bool) -> ExitCode:
+def _keep(error: InventoryInvalid, folder: Path, raw_answers: Mapping[str, Any] | None, *, as_json: bool) -> ExitCode:
     """Answers that contradict each other: say how, and keep what a person has typed."""
     import sys
 
@@ -193,33 +193,33 @@ def _keep(error: InventoryInvalid, folder: Path, typed: Mapping[str, Any] | None
     from atlantis_netcfg.core.language import translate
 
     code = _refuse(error, "in what the answers give; nothing was written", as_json=as_json)
-    if typed is not None:
+    if raw_answers is not None:
         number, path = 1, folder.with_name(f"{folder.name}-answers.yml")
         while path.exists():
             number += 1
             path = folder.with_name(f"{folder.name}-answers-{number}.yml")
-        write_atomically(path, yaml.safe_dump(typed, sort_keys=False, allow_unicode=True).encode(), mode=None)
+        write_atomically(path, yaml.safe_dump(raw_answers, sort_keys=False, allow_unicode=True).encode(), mode=None)
         words = translate(f"Your answers are kept in {path}: correct them, then type")
         print(f"{words}\n  provision init {folder} --answers {path}", file=sys.stderr)
     return code
 
 
-def _confirm(folder: Path, created: Declaration, *, sealed: bool | None, as_json: bool) -> ExitCode:
+def _confirm(folder: Path, declaration: Declaration, *, is_encrypted: bool | None, as_json: bool) -> ExitCode:
     import dataclasses
 
     from atlantis_netcfg.core.language import translate
 
-    sites = list(created.sites)
+    sites = list(declaration.sites)
     if as_json:
-        left = [dataclasses.asdict(example) for example in created.examples]
-        document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(created.hosts)}
-        print(json_text({**document, "examples": left}))
+        examples = [dataclasses.asdict(example) for example in declaration.examples]
+        document = {"exit": 0, "errors": [], "inventory": str(folder), "sites": sites, "hosts": list(declaration.hosts)}
+        print(json_text({**document, "examples": examples}))
         return ExitCode.DONE
-    print(translate(f"{folder}: written and checked, no errors, {len(created.hosts)} hosts at {len(sites)} sites"))
-    if sealed:
+    print(translate(f"{folder}: written and checked, no errors, {len(declaration.hosts)} hosts at {len(sites)} sites"))
+    if is_encrypted:
         print(translate("Passwords were made new, and are encrypted with the password of your vault."))
-    if created.examples:
-        print(translate(f"{len(created.examples)} values are examples: only rehearsals use this inventory."))
+    if declaration.examples:
+        print(translate(f"{len(declaration.examples)} values are examples: only rehearsals use this inventory."))
         print(f"  provision validate inventory={folder} --examples")
     print(translate(f"Next: read {folder / 'README.md'}, and rehearse a site:"))
     print(f"  provision site={[*sites[1:], *sites][0]} --rehearse inventory={folder}")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.core.errors import ExitCode
-    from atlantis_netcfg.core.printable import Row, Styled
+    from atlantis_netcfg.core.printable import Row, StyledText
     from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem
 
 DOCTOR = CommandSpec(
@@ -55,9 +55,9 @@ def run_doctor(arguments: Arguments) -> ExitCode:
     except ImportError as error:
         _refuse_drift(error)
         raise
-    named = arguments.optional("inventory")
+    inventory_name = arguments.optional("inventory")
     diagnosis = examine(
-        Path(named) if named else paths.checkout() / "inventory",
+        Path(inventory_name) if inventory_name else paths.checkout() / "inventory",
         arguments.optional("site"),
         via=arguments.optional("via"),
         decrypt=vault_of(arguments).decrypt,
@@ -76,7 +76,7 @@ def _refuse_drift(error: ImportError) -> None:
 
     if wrong := packages.drift_of(paths.checkout()):
         raise UsageError(
-            f"the packages in .venv are not as pinned: {packages.listed(wrong)}",
+            f"the packages in .venv are not as pinned: {packages.summarise(wrong)}",
             hint=f"type `{packages.RESTORE}` in {paths.checkout()}; the next start brings them back, from the index",
         ) from error
 
@@ -84,25 +84,25 @@ def _refuse_drift(error: ImportError) -> None:
 def _rows(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
     from atlantis_netcfg import __version__
     from atlantis_netcfg.core.language import translate
-    from atlantis_netcfg.core.printable import Style, Styled
+    from atlantis_netcfg.core.printable import Style, StyledText
     from atlantis_netcfg.operations.doctor import DoctorSection
 
     yield translate(f"provision {__version__} looks at this laptop and changes nothing")
     for section in DoctorSection:
         if items := [item for item in diagnosis.items if item.section is section]:
-            yield Styled(translate(section.value), Style.TITLE)
+            yield StyledText(translate(section.value), Style.TITLE)
             for item in items:
                 yield from _item_rows(item, arguments)
     yield ""
     yield from _end(diagnosis, arguments)
 
 
-def _verdict(item: DoctorItem) -> Styled:
+def _verdict(item: DoctorItem) -> StyledText:
     from atlantis_netcfg.core.events import Verdict
-    from atlantis_netcfg.core.printable import Style, Styled
+    from atlantis_netcfg.core.printable import Style, StyledText
 
     styles = {Verdict.PASS: Style.GOOD, Verdict.SKIP: Style.QUIET, Verdict.WARN: Style.WARNING}
-    return Styled(f"{item.verdict:<{_WORD}}", styles.get(item.verdict, Style.BAD))
+    return StyledText(f"{item.verdict:<{_WORD}}", styles.get(item.verdict, Style.BAD))
 
 
 def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
@@ -110,7 +110,7 @@ def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
 
     name = translate(item.name)
     column = 2 + _WORD + 1 + _NAME + 1
-    first, *more = _wrapped(translate(item.measured), column)
+    first, *more = _wrap(translate(item.observation), column)
     if len(name) > _NAME or len(item.verdict) > _WORD:
         yield "  ", _verdict(item), f" {name}"
         more = [first, *more]
@@ -119,23 +119,23 @@ def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
     for line in more:
         yield f"{'':<{column}}{line}"
     word = translate("do:")
-    for line in _wrapped(translate(item.hint), 7 + _LABEL + 1) if item.hint else ():
+    for line in _wrap(translate(item.hint), 7 + _LABEL + 1) if item.hint else ():
         yield f"{'':<7}{word:<{_LABEL}} {line}"
         word = ""
-    for command in _typed(item.commands, arguments):
+    for command in _complete_commands(item.commands, arguments):
         yield f"{'':<7}{translate('type:'):<{_LABEL}} {command}"
 
 
-def _wrapped(text: str, column: int) -> list[str]:
+def _wrap(text: str, column: int) -> list[str]:
     """The lines of a text, behind a column; a path or a name is not broken."""
     return textwrap.wrap(text, _WIDTH - column, break_long_words=False, break_on_hyphens=False) or [""]
 
 
-def _typed(commands: tuple[str, ...], arguments: Arguments) -> list[str]:
+def _complete_commands(commands: tuple[str, ...], arguments: Arguments) -> list[str]:
     """The commands as they can be typed here: ours with what this one was told, and by the name of the launcher."""
-    from atlantis_netcfg.cli.base.output import as_typed, carried
+    from atlantis_netcfg.cli.base.output import as_typed, carried_words
 
-    words = carried(arguments)
+    words = carried_words(arguments)
     return [as_typed(f"`{each}`", words).strip("`") for each in commands]
 
 
@@ -143,17 +143,17 @@ def _end(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
     """The last lines: verdict, counts, the worst item, what to type."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.language import translate
-    from atlantis_netcfg.core.printable import Style, Styled
+    from atlantis_netcfg.core.printable import Style, StyledText
 
     worst = diagnosis.worst_item
     counts = ", ".join(f"{number} {verdict}" for verdict, number in diagnosis.counts.items())
     style = _verdict(worst).style if worst is not None else Style.GOOD
-    yield Styled(str(diagnosis.verdict), style), f": {counts}"
+    yield StyledText(str(diagnosis.verdict), style), f": {counts}"
     if worst is not None:
-        yield from _wrapped(f"{translate('worst:')} {translate(worst.name)}: {translate(worst.measured)}", 0)
-        yield from _wrapped(f"{translate('next:')}  {translate(worst.hint)}", 0) if worst.hint else ()
-        for command in _typed(worst.commands, arguments):
+        yield from _wrap(f"{translate('worst:')} {translate(worst.name)}: {translate(worst.observation)}", 0)
+        yield from _wrap(f"{translate('next:')}  {translate(worst.hint)}", 0) if worst.hint else ()
+        for command in _complete_commands(worst.commands, arguments):
             yield f"{translate('type:')}  {command}"
     if diagnosis.exit is ExitCode.DONE and diagnosis.follows:
         word = translate("type:") if worst is None else translate("then:")
-        yield f"{word}  {_typed((diagnosis.follows,), arguments)[0]}"
+        yield f"{word}  {_complete_commands((diagnosis.follows,), arguments)[0]}"

@@ -43,7 +43,7 @@ LINKS = CommandSpec(
     "say how every link of a site is, which one carries the traffic, and what is wrong",
     group=Group.FIRST,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         ONLY,
         VIA,
         INVENTORY,
@@ -67,11 +67,11 @@ def run_links(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.session import session
 
     _one_site(arguments.word("site"))
-    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
-        if opened.rehearsal is not None:
-            opened.configure_twins()
-        report = _report(opened, seen(opened))
-    print(json_text(report.as_json()) if opened.as_json else translate(report.as_text()))
+    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
+        if site_session.rehearsal is not None:
+            site_session.configure_twins()
+        report = _report(site_session, read_links(site_session))
+    print(json_text(report.as_json()) if site_session.as_json else translate(report.as_text()))
     return report.exit
 
 
@@ -83,7 +83,7 @@ def _one_site(site: str) -> None:
         raise UsageError("`provision links` looks at one site at a time", hint="type its name: `site=coastal`")
 
 
-def seen(opened: CommandSession) -> LinksStatus:
+def read_links(session: CommandSession) -> LinksStatus:
     """Look, once it is agreed what the looking may cost."""
     import asyncio
 
@@ -92,18 +92,18 @@ def seen(opened: CommandSession) -> LinksStatus:
     from atlantis_netcfg.operations.common.request import refuse_examples
     from atlantis_netcfg.operations.links.collect import look
 
-    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-    request = opened.paid(opened.request(Mode.DRIFT))
-    with progress(quiet=opened.as_json) as notify:
-        return asyncio.run(look(opened.declaration, opened.site, opened.hosts, request, notify))
+    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    request = session.confirm_cost(session.request(Mode.DRIFT))
+    with progress(quiet=session.as_json) as notify:
+        return asyncio.run(look(session.declaration, session.site, session.hosts, request, notify))
 
 
-def _report(opened: CommandSession, status: LinksStatus) -> LinksReport:
-    title = opened.declaration.sites[opened.site].title
-    twins = opened.rehearsal
+def _report(session: CommandSession, status: LinksStatus) -> LinksReport:
+    title = session.declaration.sites[session.site].title
+    twins = session.rehearsal
     missing = twins.not_rehearsed if twins is not None else ()
-    zone = opened.declaration.pilot.time_zone
-    return status.report(opened.site, title, rehearsed=opened.rehearsed, not_rehearsed=missing, time_zone=zone)
+    zone = session.declaration.pilot.time_zone
+    return status.report(session.site, title, is_rehearsal=session.is_rehearsal, not_rehearsed=missing, time_zone=zone)
 
 
 _NOT_REHEARSED = (
@@ -115,7 +115,7 @@ PROVE = CommandSpec(
     "try what the satellite lets through, and what it must not, within 20 kB",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
         Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
         VIA,
@@ -149,7 +149,7 @@ def run_prove(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.allow_list_test.site import satellite_of
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         choose(declaration, arguments.word("site"), ())
         return (satellite_of(declaration, arguments.word("site"), arguments.optional("bearer")).router,)
 
@@ -157,81 +157,87 @@ def run_prove(arguments: Arguments) -> ExitCode:
         arguments,
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional("via"),
-        chosen=chosen,
-    ) as opened:
-        proof, expected, paid = _prove(opened)
-    beyond = (_NOT_REHEARSED,) if opened.rehearsed else ()
-    if opened.as_json:
+        choose_hosts=choose_hosts,
+    ) as site_session:
+        proof, cost_previews, bills_by_link = _prove(site_session)
+    beyond = (_NOT_REHEARSED,) if site_session.is_rehearsal else ()
+    if site_session.as_json:
         document = {
-            "rehearsed": opened.rehearsed,
+            "rehearsed": site_session.is_rehearsal,
             "not_rehearsed": beyond,
-            "expected": [item.as_dict() for item in expected],
-            "cost": paid[proof.bearer].as_dict(),
-            "costs": {name: bill.as_dict() for name, bill in paid.items()},
+            "expected": [item.as_dict() for item in cost_previews],
+            "cost": bills_by_link[proof.bearer].as_dict(),
+            "costs": {name: bill.as_dict() for name, bill in bills_by_link.items()},
         }
         print(json_text({**proof.as_json(), **document}))
     else:
-        would = "would have " if opened.rehearsed else ""
-        costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in paid.items()]
+        would = "would have " if site_session.is_rehearsal else ""
+        costs = [f"  {would}cost over {name}: {bill.words}" for name, bill in bills_by_link.items()]
         print(translate("\n".join([proof.as_text(), *costs, *(f"  not rehearsed: {entry}" for entry in beyond)])))
     return proof.exit
 
 
-def _prove(opened: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
+def _prove(session: CommandSession) -> tuple[Proof, tuple[Preview, ...], dict[str, Bill]]:
     """The proof, what it was expected to cost at most, and by link what it did: only what is paid by the byte."""
     import time
     from contextlib import ExitStack
     from dataclasses import replace
 
-    from atlantis_netcfg.cli.base.output import as_typed, carried, progress
+    from atlantis_netcfg.cli.base.output import as_typed, carried_words, progress
     from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
     from atlantis_netcfg.operations.allow_list_test.vpn import vpn_trial
     from atlantis_netcfg.operations.common.request import refuse_examples
 
-    found = satellite_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
-    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-    declared = _declared(opened, found.terminal)
+    satellite = satellite_of(session.declaration, session.site, session.arguments.optional("bearer"))
+    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    evidence = _evidence_findings(session, satellite.terminal)
     with ExitStack() as stack:
-        notify = stack.enter_context(progress(quiet=opened.as_json))
-        if opened.rehearsal is not None:
-            opened.configure_twins(strict=True)
-        proving = found.proving(
-            opened.declaration,
-            open_filter=opened.arguments.flag("open-filter"),
-            try_all=opened.arguments.flag("try-all"),
-            rehearsed=opened.rehearsed,
-            via=opened.arguments.optional("via"),
+        notify = stack.enter_context(progress(quiet=session.as_json))
+        if session.rehearsal is not None:
+            session.configure_twins(strict=True)
+        proving = satellite.proving(
+            session.declaration,
+            open_filter=session.arguments.flag("open-filter"),
+            try_all=session.arguments.flag("try-all"),
+            is_rehearsal=session.is_rehearsal,
+            via=session.arguments.optional("via"),
         )
         proving.notify = notify
         if proving.try_all:
-            trial = vpn_trial(opened.declaration, found.router, found.bearer, _request(opened), opened.rehearsal)
+            trial = vpn_trial(
+                session.declaration, satellite.router, satellite.bearer, _request(session), session.rehearsal
+            )
             proving.vpn = stack.enter_context(trial)
-        expected = tuple(preview for preview in previews(opened.declaration, proving) if preview.link.metered)
-        _pay(opened, expected)
+        cost_previews = tuple(preview for preview in previews(session.declaration, proving) if preview.link.is_metered)
+        _pay(session, cost_previews)
         if proving.open_filter or proving.try_all:
-            stack.enter_context(opened.store.lock(opened.site, f"provision prove site={opened.site}"))
-        begun = time.monotonic()
-        proof = try_out(opened.declaration, found.router, _request(opened), proving)
+            stack.enter_context(session.store.lock(session.site, f"provision prove site={session.site}"))
+        start = time.monotonic()
+        proof = try_out(session.declaration, satellite.router, _request(session), proving)
         if proof.vpn_answered:
-            opened.store.keep_proof(opened.site, found.bearer.name)
-    paid = bills(opened.declaration, proof, time.monotonic() - begun)
-    dear = {name: bill for name, bill in paid.items() if name == proof.bearer or _metered(opened, name)}
-    words = [f"site={opened.site}", *carried(opened.arguments)]
+            session.store.keep_proof(session.site, satellite.bearer.name)
+    bills_by_link = bills(session.declaration, proof, time.monotonic() - start)
+    dear = {name: bill for name, bill in bills_by_link.items() if name == proof.bearer or _is_metered(session, name)}
+    words = [f"site={session.site}", *carried_words(session.arguments)]
 
-    def completed(finding: BearerFinding) -> BearerFinding:
+    def complete_hint(finding: BearerFinding) -> BearerFinding:
         return replace(finding, hint=finding.hint and as_typed(finding.hint, words))
 
-    judged = tuple((attempt, completed(finding)) for attempt, finding in proof.judged)
-    return replace(proof, judged=judged, findings=tuple(map(completed, (*proof.findings, *declared)))), expected, dear
+    judgements = tuple((attempt, complete_hint(finding)) for attempt, finding in proof.results)
+    return (
+        replace(proof, results=judgements, findings=tuple(map(complete_hint, (*proof.findings, *evidence)))),
+        cost_previews,
+        dear,
+    )
 
 
-def _metered(opened: CommandSession, name: str) -> bool:
+def _is_metered(session: CommandSession, name: str) -> bool:
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    return link_of(opened.declaration, opened.site, name).metered
+    return link_of(session.declaration, session.site, name).is_metered
 
 
-def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ...]:
+def _evidence_findings(session: CommandSession, terminal: Host) -> tuple[BearerFinding, ...]:
     """What the terminal's evidence and the names of the allow-list say; in a rehearsal no name is asked for."""
     from datetime import UTC, datetime
     from pathlib import Path
@@ -239,30 +245,34 @@ def _declared(opened: CommandSession, terminal: Host) -> tuple[BearerFinding, ..
     from atlantis_netcfg.operations.allow_list_test.site import names_of
     from atlantis_netcfg.operations.common.terminals import look
 
-    backup = opened.arguments.optional("backup")
+    backup = session.arguments.optional("backup")
     today = datetime.now(UTC).astimezone().date()
-    named = None if backup is None else Path(backup)
-    seen = look(opened.declaration, terminal, opened.store, today=today, backup=named)
-    names = () if opened.rehearsed else names_of(opened.declaration, opened.site, opened.arguments.optional("bearer"))
-    return (*seen.findings, *names)
+    backup_path = None if backup is None else Path(backup)
+    evidence = look(session.declaration, terminal, session.store, today=today, backup=backup_path)
+    names = (
+        ()
+        if session.is_rehearsal
+        else names_of(session.declaration, session.site, session.arguments.optional("bearer"))
+    )
+    return (*evidence.findings, *names)
 
 
-def _request(opened: CommandSession) -> Request:
+def _request(session: CommandSession) -> Request:
     from atlantis_netcfg.operations import Mode
 
-    return opened.request(Mode.DRIFT)
+    return session.request(Mode.DRIFT)
 
 
-def _pay(opened: CommandSession, expected: tuple[Preview, ...]) -> None:
+def _pay(session: CommandSession, cost_previews: tuple[Preview, ...]) -> None:
     """Tell what it costs, and return when somebody pays. Raises CostRefused; a rehearsal costs nothing."""
     from atlantis_netcfg.cli.base.consent import pay
 
-    words = [item.words for item in expected]
-    if opened.rehearsed:
-        if words and not opened.as_json:
+    words = [item.words for item in cost_previews]
+    if session.is_rehearsal:
+        if words and not session.as_json:
             print(translate(f"a real proof asks first: {'; '.join(words)}"))
         return
-    for item in expected:
+    for item in cost_previews:
         if item.over_cap:
             raise item.refusal()
-    pay(words, accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+    pay(words, is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)

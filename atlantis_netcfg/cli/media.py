@@ -40,9 +40,9 @@ IMAGE = CommandSpec(
     "customise the vendor's image for a gateway computer, write it to a card, read it back",
     group=Group.IMAGE,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
-        Word("host", "the gateway computer of it", required=True, example="coastal-gateway"),
-        Word("from", "the vendor's image: raw, xz or gz", required=True, example="ubuntu-minimal.img.xz"),
+        Word("site", "the site", is_required=True, example="coastal"),
+        Word("host", "the gateway computer of it", is_required=True, example="coastal-gateway"),
+        Word("from", "the vendor's image: raw, xz or gz", is_required=True, example="ubuntu-minimal.img.xz"),
         Word(
             "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
         ),
@@ -70,10 +70,10 @@ def run_image(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose, load
-    from atlantis_netcfg.operations.image import ImageOrder, made
+    from atlantis_netcfg.operations.image import ImageOrder, prepare_image
 
-    named = arguments.optional("inventory")
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    inventory_name = arguments.optional("inventory")
+    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
     (host,) = choose(declaration, arguments.word("site"), [arguments.word("host")])
     image = Path(arguments.word("from"))
     order = ImageOrder(declaration, host, image, arguments.optional("sha256"), paths.state_dir())
@@ -81,7 +81,7 @@ def run_image(arguments: Arguments) -> ExitCode:
     file = _file(arguments)
     card = None if file is not None else _card(arguments, declaration)
     as_json = arguments.flag("json")
-    with progress(quiet=as_json) as notify, made(order, notify) as ready:
+    with progress(quiet=as_json) as notify, prepare_image(order, notify) as ready:
         return _end_image(order, ready, _keep(ready, file, card), as_json=as_json)
 
 
@@ -109,7 +109,7 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
     from pathlib import Path
 
-    from atlantis_netcfg.computers.image.blocks import BlockTree, admit, confirmed
+    from atlantis_netcfg.computers.image.blocks import BlockTree, admit, require_confirmation
     from atlantis_netcfg.computers.image.writer import Card
     from atlantis_netcfg.core.errors import UsageError
 
@@ -121,35 +121,35 @@ def _card(arguments: Arguments, declaration: Declaration) -> Card:
     tree, device = BlockTree(), Path(arguments.word("to"))
     card = Card(device, admit(tree, device), tree)
     if not arguments.flag("json"):
-        print(card.shown.shown, flush=True)
-    typed = arguments.optional("serial")
-    if typed is None:
-        confirmed(card.shown, _typed(card))
+        print(card.disk.summary, flush=True)
+    serial = arguments.optional("serial")
+    if serial is None:
+        require_confirmation(card.disk, _ask_serial(card))
         return card
-    confirmed(card.shown, typed)
+    require_confirmation(card.disk, serial)
     if not arguments.flag("yes"):
-        from atlantis_netcfg.cli.base.consent import agreed
+        from atlantis_netcfg.cli.base.consent import require_agreement
 
-        agreed(f"Write {device}: all that is on it is lost. Go on?")
+        require_agreement(f"Write {device}: all that is on it is lost. Go on?")
     return card
 
 
-def _typed(card: Card) -> str:
+def _ask_serial(card: Card) -> str:
     """What a person types at the question. Raises UsageError when nobody is there to be asked."""
     import sys
 
-    from atlantis_netcfg.cli.base.consent import typed
+    from atlantis_netcfg.cli.base.consent import read_line
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.language import translate
 
-    what = "serial" if card.shown.serial else "name and size"
+    what = "serial" if card.disk.serial else "name and size"
     if not sys.stdin.isatty():
         raise UsageError(
             f"nobody is here to type the {what} of the card, so nothing was written",
-            hint=f"look at the card, then add `serial={card.shown.proof} --yes`",
+            hint=f"look at the card, then add `serial={card.disk.proof} --yes`",
         )
-    question = translate(f"All that is on it is lost. Type its {what} ({card.shown.proof}) to go on:")
-    return typed(f"{question} ") or ""
+    question = translate(f"All that is on it is lost. Type its {what} ({card.disk.proof}) to go on:")
+    return read_line(f"{question} ") or ""
 
 
 def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, Any]:
@@ -160,37 +160,38 @@ def _keep(ready: MadeImage, file: Path | None, card: Card | None) -> dict[str, A
         return {"file": str(file), "size": ready.into(file)}
     if card is None:
         raise AssertionError("neither a file nor a card")
-    written, receipt = ready.onto(card)
-    disk = {"path": str(card.device), "name": card.shown.name, "serial": card.shown.serial, "size": card.shown.size}
-    return {"device": disk, "written": asdict(written), "receipt": str(receipt)}
+    write_result, receipt = ready.onto(card)
+    disk = {"path": str(card.device), "name": card.disk.name, "serial": card.disk.serial, "size": card.disk.size}
+    return {"device": disk, "written": asdict(write_result), "receipt": str(receipt)}
 
 
-def _end_image(order: ImageOrder, ready: MadeImage, kept: dict[str, Any], *, as_json: bool) -> ExitCode:
+def _end_image(order: ImageOrder, ready: MadeImage, outcome: dict[str, Any], *, as_json: bool) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     if as_json:
-        image = {"name": order.image.name, "sha256": ready.expanded.sha256, "confirmed_by": ready.expanded.told_by}
+        image = {"name": order.image.name, "sha256": ready.image.sha256, "confirmed_by": ready.image.told_by}
         document = {"exit": 0, "site": order.host.site, "host": order.host.name, "image": image, "notes": ready.notes}
-        print(json_text({**document, **kept}))
+        print(json_text({**document, **outcome}))
         return ExitCode.DONE
     for note in ready.notes:
         print(translate(f"note: {note}"))
-    if "file" in kept:
+    if "file" in outcome:
         print(
             translate(
-                f"{kept['file']}: the image of {order.host.name}, {kept['size'] / 1e6:.0f} MB; no card was touched"
+                f"{outcome['file']}: the image of {order.host.name}, {outcome['size'] / 1e6:.0f} MB; "
+                "no card was touched"
             )
         )
         return ExitCode.DONE
-    written = kept["written"]
+    write_result = outcome["written"]
     print(
         translate(
-            f"{order.host.name}: written and read back in {written['seconds']:.0f} s:"
-            f" {written['data'] / 1e6:.0f} MB of data, {written['cleared'] / 1e6:.0f} MB of zeros,"
-            f" {written['skipped'] / 1e6:.0f} MB skipped, {written['compared'] / 1e6:.0f} MB compared"
+            f"{order.host.name}: written and read back in {write_result['seconds']:.0f} s:"
+            f" {write_result['data'] / 1e6:.0f} MB of data, {write_result['cleared'] / 1e6:.0f} MB of zeros,"
+            f" {write_result['skipped'] / 1e6:.0f} MB skipped, {write_result['compared'] / 1e6:.0f} MB compared"
         )
     )
-    print(translate(f"recorded in {kept['receipt']}"))
+    print(translate(f"recorded in {outcome['receipt']}"))
     print(translate("Not proved here: that the board boots from it. Its boot switch must be on MMC where it has one."))
     return ExitCode.DONE
 
@@ -200,7 +201,7 @@ BUNDLE = CommandSpec(
     "pack everything that the gateways of a site take from the internet, for where there is none",
     group=Group.IMAGE,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         ONLY,
         Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
         Word("image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"),
@@ -231,8 +232,8 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens
     from atlantis_netcfg.operations.common.request import Request
 
-    named, check = arguments.optional("inventory"), arguments.optional("check")
-    inventory = Path(named) if named else paths.checkout() / "inventory"
+    inventory_name, check = arguments.optional("inventory"), arguments.optional("check")
+    inventory = Path(inventory_name) if inventory_name else paths.checkout() / "inventory"
     declaration = load(inventory)
     if check is None and has_tokens(declaration):
         declaration = load(inventory, decrypt=vault_of(arguments).decrypt)
@@ -262,7 +263,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.operations.bundle import BundleRequest, made
+    from atlantis_netcfg.operations.bundle import BundleRequest, make_bundle
 
     to, status, image, keyring = (arguments.optional(name) for name in ("to", "status", "image", "keyring"))
     site, as_json = arguments.word("site"), arguments.flag("json")
@@ -278,26 +279,26 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
         keyring=Path(keyring) if keyring else None,
     )
 
-    def sized(size: BundleSize) -> None:
+    def show_size(size: BundleSize) -> None:
         if not as_json:
-            kept = size.whole - size.to_fetch
-            have = f", {_mb(kept)} of it are here already" if kept else ""
+            local_bytes = size.whole - size.to_fetch
+            have = f", {_mb(local_bytes)} of it are here already" if local_bytes else ""
             print(
                 translate(f"{size.packages} packages, {_mb(size.whole)}{have}: {_mb(size.to_fetch)} to fetch"),
                 flush=True,
             )
 
     with progress(quiet=as_json) as notify:
-        manifest = made(bundle_request, notify, sized)
+        manifest = make_bundle(bundle_request, notify, show_size)
     return _end_bundle(manifest, bundle_request.place, as_json=as_json)
 
 
 def _check(
     arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
 ) -> ExitCode:
-    from atlantis_netcfg.operations.bundle import opened
+    from atlantis_netcfg.operations.bundle import open_for_hosts
 
-    bundle = opened(declaration, hosts, place, request, accept=arguments.optional("key"))
+    bundle = open_for_hosts(declaration, hosts, place, request, accept=arguments.optional("key"))
     return _end_bundle(bundle.manifest, place, as_json=arguments.flag("json"))
 
 
@@ -312,10 +313,12 @@ def _end_bundle(manifest: Manifest, place: Path, *, as_json: bool) -> ExitCode:
         print(json_text({**document, **manifest.model_dump(mode="json")}))
         return ExitCode.DONE
     for name, part in manifest.hosts.items():
-        carried = sum(file.size for file in manifest.of(name).values())
+        carry_bytes = sum(file.size for file in manifest.of(name).values())
         sources = f", {len(part.libraries)} repositories of sources" if part.libraries else ""
         system = f"{part.distribution} {part.codename} {part.architecture}"
-        print(translate(f"{name}: {system}, {len(part.packages)} packages{sources}, {_mb(carried)} to carry at most"))
+        print(
+            translate(f"{name}: {system}, {len(part.packages)} packages{sources}, {_mb(carry_bytes)} to carry at most")
+        )
     if manifest.image is not None:
         print(translate(f"image: {manifest.image.name}, SHA-256 {manifest.image.sha256}"))
     print(

@@ -27,7 +27,7 @@ APPLY = CommandSpec(
     "apply",
     "apply a saved plan, if inventory and devices are as they were",
     words=(
-        Word("file", "the file that `--plan --save FILE` wrote", required=True, example="coastal.plan", bare=True),
+        Word("file", "the file that `--plan --save FILE` wrote", is_required=True, example="coastal.plan", bare=True),
         INVENTORY,
     ),
     flags=(
@@ -56,16 +56,20 @@ def run_apply(arguments: Arguments) -> ExitCode:
     plan = _read(file)
     if arguments.flag("plan"):
         return _show(plan, as_json=arguments.flag("json"))
-    rehearsed, again = bool(plan["rehearsed"]), _command(plan, file)
-    with session(arguments, rehearse=rehearsed, via=plan["via"], site=plan["site"], only=plan["only"]) as opened:
-        if opened.declaration.revision != plan["revision"]:
+    is_rehearsal, again = bool(plan["rehearsed"]), _command(plan, file)
+    with session(
+        arguments, rehearse=is_rehearsal, via=plan["via"], site=plan["site"], only=plan["only"]
+    ) as site_session:
+        if site_session.declaration.revision != plan["revision"]:
             raise UsageError(
                 f"the declaration has changed since the plan in {file} was saved; no device was contacted",
                 hint=f"make a new plan: `{again}`",
             )
-        opened.offline = Path(plan["offline"]) if plan["offline"] else None
-        report = opened.change(ask=not (rehearsed or arguments.flag("yes")), saved=plan["plans"], again=again)
-    return opened.close(report)
+        site_session.offline = Path(plan["offline"]) if plan["offline"] else None
+        report = site_session.change(
+            ask=not (is_rehearsal or arguments.flag("yes")), saved_plans=plan["plans"], again=again
+        )
+    return site_session.close(report)
 
 
 def _show(plan: Mapping[str, Any], *, as_json: bool) -> ExitCode:
@@ -102,7 +106,7 @@ def refuse_place(file: Path) -> None:
             ) from error
 
 
-def save(opened: CommandSession, report: RunReport, file: Path) -> str:
+def save(session: CommandSession, report: RunReport, file: Path) -> str:
     """Keep a plan in a file that only its owner can read; the command that carries it out, empty if there is nothing.
 
     A plan in which a device has no part, because it could not be read or was refused, is not kept: it would be
@@ -111,32 +115,32 @@ def save(opened: CommandSession, report: RunReport, file: Path) -> str:
     import json
     import shlex
 
-    from atlantis_netcfg.cli.base.output import carried
+    from atlantis_netcfg.cli.base.output import carried_words
     from atlantis_netcfg.cli.base.session import planned_state
     from atlantis_netcfg.core.atomic_files import write_atomically
 
     if report.exit is not ExitCode.CHANGES:
         file.unlink(missing_ok=True)
         return ""
-    kept: dict[str, Any] = {
+    document: dict[str, Any] = {
         "format": _FORMAT,
-        "site": opened.site,
-        "only": list(opened.arguments.many("only")),
-        "via": opened.via,
-        "offline": str(opened.offline) if opened.offline is not None else None,
-        "rehearsed": opened.rehearsed,
-        "revision": opened.declaration.revision,
+        "site": session.site,
+        "only": list(session.arguments.many("only")),
+        "via": session.via,
+        "offline": str(session.offline) if session.offline is not None else None,
+        "rehearsed": session.is_rehearsal,
+        "revision": session.declaration.revision,
         "plans": {name: planned_state(result) for name, result in report.devices.items()},
         "text": report.plan_as_text(),
     }
-    kept["sha256"] = _digest(kept)
+    document["sha256"] = _digest(document)
     try:
-        write_atomically(file, json.dumps(kept, ensure_ascii=False, indent=1).encode())
+        write_atomically(file, json.dumps(document, ensure_ascii=False, indent=1).encode())
     except OSError as error:
         raise UsageError(
             f"{file} cannot be written: {error.strerror}", hint="name another file with `--save`"
         ) from error
-    words = [word for word in carried(opened.arguments) if word != "--rehearse"]
+    words = [word for word in carried_words(session.arguments) if word != "--rehearse"]
     return shlex.join(["provision", "apply", str(file), *words])
 
 

@@ -42,7 +42,7 @@ QUALIFY = CommandSpec(
         Word(
             "site",
             "the site, in whose LAN or management network this computer stands",
-            required=True,
+            is_required=True,
             example="coastal",
         ),
         Word("link", "the link, or `all`; may be left out where there is one", example="satellite"),
@@ -95,7 +95,7 @@ def run_qualify(arguments: Arguments) -> ExitCode:
 
     limits = _limits(arguments)
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         site = arguments.word("site")
         choose(declaration, site, ())
         links = links_of_site(declaration, site, arguments.optional("link"))
@@ -104,23 +104,23 @@ def run_qualify(arguments: Arguments) -> ExitCode:
         router = router_of(declaration, site)
         return (router, *(unit for bearer in links if (unit := _unit(declaration, bearer)) is not None))
 
-    with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", chosen=chosen) as opened:
-        found = _measured(opened, limits)
-    not_rehearsed = _not_rehearsed(opened)
-    code = found.exit
-    if opened.as_json:
+    with session(arguments, rehearse=arguments.flag("rehearse"), via="lan", choose_hosts=choose_hosts) as site_session:
+        results = _measure(site_session, limits)
+    not_rehearsed = _not_rehearsed(site_session)
+    code = results.exit
+    if site_session.as_json:
         document = {
-            "site": opened.site,
+            "site": site_session.site,
             "exit": int(code),
-            "rehearsed": opened.rehearsed,
+            "rehearsed": site_session.is_rehearsal,
             "not_rehearsed": not_rehearsed,
-            "links": [each.as_json() for each in found.results],
-            "not_measured": [each.as_json() for each in found.not_measured],
+            "links": [each.as_json() for each in results.results],
+            "not_measured": [each.as_json() for each in results.not_measured],
         }
         print(json_text(document))
     else:
-        missing = (each.line() for each in found.not_measured)
-        for line in (*(line for each in found.results for line in each.lines()), *missing, *not_rehearsed):
+        missing = (each.line() for each in results.not_measured)
+        for line in (*(line for each in results.results for line in each.lines()), *missing, *not_rehearsed):
             print(translate(line))
     return code
 
@@ -134,21 +134,21 @@ def _unit(declaration: Declaration, bearer: Bearer) -> Host | None:
     return host if isinstance(device, LteRouter) and device.driver is not LteDriver.MANUAL else None
 
 
-def _facts(opened: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
+def _facts(session: CommandSession, bearer: Bearer, request: Request) -> dict[str, str]:
     """What the box of a 4G link says: nothing of it goes over the link itself."""
     from atlantis_netcfg.records.survey.radio import UnitRadio, facts_of
 
-    unit = _unit(opened.declaration, bearer)
-    return {} if unit is None else facts_of(UnitRadio(opened.declaration, unit, request, opened.store).read())
+    unit = _unit(session.declaration, bearer)
+    return {} if unit is None else facts_of(UnitRadio(session.declaration, unit, request, session.store).read())
 
 
-def _not_rehearsed(opened: CommandSession) -> tuple[str, ...]:
-    if opened.rehearsal is None:
+def _not_rehearsed(session: CommandSession) -> tuple[str, ...]:
+    if session.rehearsal is None:
         return ()
     from atlantis_netcfg.operations.qualify.emulation import not_rehearsed
 
-    over_vpn = _over_vpn(opened.arguments)
-    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(opened.rehearsal, over_vpn=over_vpn))
+    over_vpn = _over_vpn(session.arguments)
+    return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(session.rehearsal, over_vpn=over_vpn))
 
 
 def _over_vpn(arguments: Arguments) -> bool:
@@ -199,7 +199,7 @@ def _number(arguments: Arguments, name: str) -> Decimal | None:
     return number
 
 
-def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
+def _measure(session: CommandSession, limits: BudgetLimits) -> SeveralResults:
     """Measure the links one after the other. What ends the only one with an error is raised."""
     from contextlib import ExitStack
 
@@ -210,25 +210,27 @@ def _measured(opened: CommandSession, limits: BudgetLimits) -> SeveralResults:
     from atlantis_netcfg.operations.qualify.run import links_of_site
     from atlantis_netcfg.operations.qualify.several import measure_each
 
-    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-    links = links_of_site(opened.declaration, opened.site, opened.arguments.optional("link"))
-    selection = _selection(opened.arguments)
-    _pay(opened, links, selection, limits)
+    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    links = links_of_site(session.declaration, session.site, session.arguments.optional("link"))
+    selection = _selection(session.arguments)
+    _pay(session, links, selection, limits)
     with ExitStack() as stack:
-        notify = stack.enter_context(progress(quiet=opened.as_json))
-        if opened.rehearsal is not None:
-            opened.configure_twins(strict=True)
-        elif _far_end(opened.declaration, opened.arguments).is_ours:
-            open_far_end(opened.declaration, opened.request(Mode.DRIFT))
-        stack.enter_context(opened.store.lock(opened.site, f"provision qualify site={opened.site}"))
-        result = measure_each(links, limits, lambda bearer, left: _link(opened, bearer, selection, left, notify))
+        notify = stack.enter_context(progress(quiet=session.as_json))
+        if session.rehearsal is not None:
+            session.configure_twins(strict=True)
+        elif _far_end(session.declaration, session.arguments).is_ours:
+            open_far_end(session.declaration, session.request(Mode.DRIFT))
+        stack.enter_context(session.store.lock(session.site, f"provision qualify site={session.site}"))
+        result = measure_each(
+            links, limits, lambda bearer, remaining_limits: _link(session, bearer, selection, remaining_limits, notify)
+        )
     if len(links) == 1 and result.results[0].failure is not None:
         raise result.results[0].failure
     return result
 
 
 def _link(
-    opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits, notify: Subscriber
+    session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits, notify: Subscriber
 ) -> QualifyResult:
     from contextlib import ExitStack
     from datetime import UTC, datetime
@@ -244,27 +246,27 @@ def _link(
     from atlantis_netcfg.runs import make_private, new_run, os_errors_as
 
     now = datetime.now(UTC)
-    kept = folder_of(opened.store, opened.site)
-    with os_errors_as("the measurement", kept):
-        folder = new_run(make_private(kept), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
+    runs_folder = folder_of(session.store, session.site)
+    with os_errors_as("the measurement", runs_folder):
+        folder = new_run(make_private(runs_folder), now, f"{bearer.name}-{now:%Y%m%dT%H%M%SZ}")
     with ExitStack() as stack:
-        over_vpn = _over_vpn(opened.arguments)
-        far, emulated = _far_end(opened.declaration, opened.arguments), None
-        if opened.rehearsal is not None:
-            emulated = stack.enter_context(emulated_link(bearer, far.key, opened.rehearsal, over_vpn=over_vpn))
-        request = opened.request(Mode.DRIFT)
+        over_vpn = _over_vpn(session.arguments)
+        far, emulation = _far_end(session.declaration, session.arguments), None
+        if session.rehearsal is not None:
+            emulation = stack.enter_context(emulated_link(bearer, far.key, session.rehearsal, over_vpn=over_vpn))
+        request = session.request(Mode.DRIFT)
         run = LinkRun(
-            opened.declaration,
-            opened.site,
+            session.declaration,
+            session.site,
             bearer,
             selection,
-            _capped(opened, bearer, limits),
+            _cap_limits(session, bearer, limits),
             folder,
             far,
             over_vpn=over_vpn,
-            emulated=emulated,
+            emulated_link=emulation,
             notify=notify,
-            facts=_facts(opened, bearer, request),
+            facts=_facts(session, bearer, request),
         )
         failure = None
         try:
@@ -276,55 +278,55 @@ def _link(
     return QualifyResult(write_pages(folder), folder, failure)
 
 
-def _capped(opened: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
+def _cap_limits(session: CommandSession, bearer: Bearer, limits: BudgetLimits) -> BudgetLimits:
     """Within the cap of a metered link, whatever a person allows; a limit in EUR needs a tariff, and means it alone."""
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    link = link_of(opened.declaration, opened.site, bearer.name)
+    link = link_of(session.declaration, session.site, bearer.name)
     bounds = [each for each in (limits.max_bytes, link.cap_bytes) if each is not None]
-    price = limits.max_price if link.metered else None
+    price = limits.max_price if link.is_metered else None
     return limits.model_copy(update={"max_bytes": min(bounds, default=None), "max_price": price})
 
 
-def _pay(opened: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
+def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selection, limits: BudgetLimits) -> None:
     """Say what is sent, how long it takes and what it costs; return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli.base.consent import pay
 
-    previews = [_preview(opened, bearer, selection, limits) for bearer in links]
-    if not opened.as_json:
+    previews = [_preview(session, bearer, selection, limits) for bearer in links]
+    if not session.as_json:
         for each in previews:
             print(translate(f"{each.words}, in about {max(1, round(each.bill.seconds / 60))} min"), flush=True)
-        if _over_vpn(opened.arguments):
+        if _over_vpn(session.arguments):
             print(translate(_LED_ALONG), flush=True)
-    dear = [each.words for each in previews if each.link.metered]
-    if opened.rehearsed:
-        if dear and not opened.as_json:
+    dear = [each.words for each in previews if each.link.is_metered]
+    if session.is_rehearsal:
+        if dear and not session.as_json:
             print(translate(f"a real measurement asks first: {'; '.join(dear)}"))
         return
-    pay(dear, accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+    pay(dear, is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
 
 
-def _preview(opened: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
+def _preview(session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:
     """What a link costs at most: the whole plan, or the limits where these are less. Raises CostRefused."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
-    from atlantis_netcfg.operations.qualify.plan import planned
+    from atlantis_netcfg.operations.qualify.plan import build_plan
 
-    link = link_of(opened.declaration, opened.site, bearer.name)
-    far = _far_end(opened.declaration, opened.arguments)
-    over_vpn = _over_vpn(opened.arguments)
-    plan = planned(bearer, selection, rehearsed=opened.rehearsed, over_vpn=over_vpn, confirms=far.is_ours)
-    if limits.max_price is not None and link.metered and (link.tariff is None or link.tariff.currency != "EUR"):
+    link = link_of(session.declaration, session.site, bearer.name)
+    far = _far_end(session.declaration, session.arguments)
+    over_vpn = _over_vpn(session.arguments)
+    plan = build_plan(bearer, selection, is_rehearsal=session.is_rehearsal, over_vpn=over_vpn, confirms=far.is_ours)
+    if limits.max_price is not None and link.is_metered and (link.tariff is None or link.tariff.currency != "EUR"):
         raise UsageError(
             f"`--max-eur`: the tariff of `{link.name}` is not declared in EUR", hint=f"declare {link.tariff_key}"
         )
     nbytes = plan.bytes if limits.max_bytes is None else min(plan.bytes, limits.max_bytes)
     seconds = plan.seconds if limits.max_seconds is None else min(plan.seconds, limits.max_seconds)
     result = preview(nbytes, seconds, link, at_most=True)
-    if result.over_cap and not opened.rehearsed:
+    if result.over_cap and not session.is_rehearsal:
         cap = (link.cap_bytes or 0) / 1_000_000
-        refused = result.refusal()
-        refused.hint = f"add `--max-mb {cap:g}`: what is measured until then is kept; or raise {link.cap_key}"
-        raise refused
+        refusal = result.refusal()
+        refusal.hint = f"add `--max-mb {cap:g}`: what is measured until then is kept; or raise {link.cap_key}"
+        raise refusal
     return result

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.runs import Store
 
-_SITE = Word("site", "the site", required=True, example="coastal")
-_REHEARSED = Flag("rehearsed", "those of rehearsals instead of real ones")
+_SITE = Word("site", "the site", is_required=True, example="coastal")
+_REHEARSAL_FLAG = Flag("rehearsed", "those of rehearsals instead of real ones")
 _THRESHOLDS = Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
 _RUN = "satellite-20261120T093000Z"
 
@@ -29,7 +29,7 @@ QUALIFY_SHOW = CommandSpec(
         Word("run", "which one; the newest if left out", example=_RUN),
         Word("link", "the newest of this link", example="satellite"),
     ),
-    flags=(_REHEARSED, _THRESHOLDS, JSON),
+    flags=(_REHEARSAL_FLAG, _THRESHOLDS, JSON),
     details=(
         "Exit code 0: every criterion holds, and the traffic left by the link that was meant; 6: not so, or not "
         "proved; 7: there is no such measurement."
@@ -41,9 +41,9 @@ QUALIFY_COMPARE = CommandSpec(
     group=Group.LINKS,
     words=(
         _SITE,
-        Word("runs", "two of them, the earlier one first", required=True, many=True, example=f"{_RUN},{_RUN}"),
+        Word("runs", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"),
     ),
-    flags=(_REHEARSED, JSON),
+    flags=(_REHEARSAL_FLAG, JSON),
     details="Differences of up to 5 % count as none. Exit code 7: there is no such measurement.",
 )
 QUALIFY_HISTORY = CommandSpec(
@@ -51,7 +51,7 @@ QUALIFY_HISTORY = CommandSpec(
     "list the measurements of a site's links, the oldest first",
     group=Group.LINKS,
     words=(_SITE, Word("link", "only this link", example="satellite")),
-    flags=(_REHEARSED, JSON),
+    flags=(_REHEARSAL_FLAG, JSON),
     details="Exit code 7: there is no measurement.",
 )
 
@@ -73,16 +73,21 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
     name = arguments.value("thresholds")
     thresholds = None if name is None else (name, profile(name))
     store = _store(arguments)
-    kept = kept_run(store, site, run) if run is not None else next(reversed(kept_runs(store, site, link)), None)
-    if kept is None:
+    saved_run = kept_run(store, site, run) if run is not None else next(reversed(kept_runs(store, site, link)), None)
+    if saved_run is None:
         raise _nothing(arguments)
-    record = record_of(kept, thresholds)
+    record = record_of(saved_run, thresholds)
     code = ExitCode.DONE if record.verdict is Verdict.PASS else ExitCode.CHECKS_FAILED
     if arguments.flag("json"):
-        values = {"exit": int(code), "errors": [], "folder": str(kept.folder), "record": record.model_dump(mode="json")}
+        values = {
+            "exit": int(code),
+            "errors": [],
+            "folder": str(saved_run.folder),
+            "record": record.model_dump(mode="json"),
+        }
         print(json_text(values))
     else:
-        show(rows(record, str(kept.folder)), sys.stdout)
+        show(rows(record, str(saved_run.folder)), sys.stdout)
     return code
 
 
@@ -94,16 +99,16 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode, UsageError
     from atlantis_netcfg.core.printable import show
     from atlantis_netcfg.links.qualify.archive import kept_run, record_of
-    from atlantis_netcfg.links.qualify.compare import compared
+    from atlantis_netcfg.links.qualify.compare import compare_runs
     from atlantis_netcfg.records.qualify.several import comparison_rows
 
     site, runs, store = arguments.word("site"), arguments.many("runs"), _store(arguments)
     if len(runs) != 2:  # noqa: PLR2004 - A and B
-        more = " --rehearsed" if store.rehearsed else ""
+        more = " --rehearsed" if store.is_rehearsal else ""
         hint = f"type two of those that `provision qualify history site={site}{more}` lists, as in `runs=A,B`"
         raise UsageError(f"two measurements are compared, and {len(runs)} were named", hint=hint)
     first, second = (record_of(kept_run(store, site, run)) for run in runs)
-    comparison = compared(first, second)
+    comparison = compare_runs(first, second)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": list(runs), **asdict(comparison)}
         print(json_text(values))
@@ -122,12 +127,14 @@ def run_qualify_history(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.records.qualify.several import history_rows
 
     site = arguments.word("site")
-    kept = kept_runs(_store(arguments), site, arguments.optional("link"))
-    if not kept:
+    saved_runs = kept_runs(_store(arguments), site, arguments.optional("link"))
+    if not saved_runs:
         raise _nothing(arguments)
-    records = [record_of(item) for item in kept]
+    records = [record_of(item) for item in saved_runs]
     if arguments.flag("json"):
-        runs = [{**_headlines(record), "folder": str(item.folder)} for record, item in zip(records, kept, strict=True)]
+        runs = [
+            {**_headlines(record), "folder": str(item.folder)} for record, item in zip(records, saved_runs, strict=True)
+        ]
         print(json_text({"exit": int(ExitCode.DONE), "errors": [], "site": site, "runs": runs}))
     else:
         show(history_rows(records), sys.stdout)
@@ -156,26 +163,28 @@ def _store(arguments: Arguments) -> Store:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
-    return Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
+    return Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearsed"))
 
 
 def _nothing(arguments: Arguments) -> Exception:
     """There is no measurement; those of the other kind are named where there are any."""
     from atlantis_netcfg.core import paths
-    from atlantis_netcfg.core.errors import NothingMatched
+    from atlantis_netcfg.core.errors import NoMatchError
     from atlantis_netcfg.links.qualify.archive import kept_runs
     from atlantis_netcfg.runs import Store
 
-    site, link, rehearsed = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
-    known = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), rehearsed=rehearsed), site)})
-    others = kept_runs(Store(paths.state_dir(), rehearsed=not rehearsed), site, link)
-    if known:
-        hint = f"there are measurements of: {', '.join(known)}"
+    site, link, is_rehearsal = arguments.word("site"), arguments.optional("link"), arguments.flag("rehearsed")
+    links = sorted({item.run.link for item in kept_runs(Store(paths.state_dir(), is_rehearsal=is_rehearsal), site)})
+    others = kept_runs(Store(paths.state_dir(), is_rehearsal=not is_rehearsal), site, link)
+    if links:
+        hint = f"there are measurements of: {', '.join(links)}"
     elif others:
         hint = (
-            "there are real ones: leave out `--rehearsed`" if rehearsed else "`--rehearsed` shows those of rehearsals"
+            "there are real ones: leave out `--rehearsed`"
+            if is_rehearsal
+            else "`--rehearsed` shows those of rehearsals"
         )
     else:
         hint = f"`provision qualify site={site}` makes the first one"
     over = "" if link is None else f" of link `{link}`"
-    return NothingMatched(f"`{site}` has no {'rehearsed' if rehearsed else 'real'} measurement{over}", hint=hint)
+    return NoMatchError(f"`{site}` has no {'rehearsed' if is_rehearsal else 'real'} measurement{over}", hint=hint)

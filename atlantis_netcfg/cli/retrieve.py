@@ -40,7 +40,7 @@ RETRIEVE = CommandSpec(
     "bring recordings of a gateway or a robot to the control centre, over whatever link the site has",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word(
             "from",
             "the gateway or robot; may be left out where the site has one",
@@ -90,28 +90,30 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
         return _rehearse(arguments)
     site, order = arguments.word("site"), arguments.optional("order")
     _refuse_mixed(arguments, order)
-    found: list[Source] = []
+    sources: list[Source] = []
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         source, host = source_at(declaration, site, arguments.optional("from"))
-        found.append(source)
+        sources.append(source)
         return (host,)
 
-    with session(arguments, via=arguments.optional("via"), chosen=chosen) as opened:
-        refuse_examples(opened.declaration, rehearsed=False)
-        program = program_by_ssh(opened.declaration, found[0], opened.paid(opened.request(Mode.DRIFT)))
+    with session(arguments, via=arguments.optional("via"), choose_hosts=choose_hosts) as site_session:
+        refuse_examples(site_session.declaration, is_rehearsal=False)
+        program = program_by_ssh(
+            site_session.declaration, sources[0], site_session.confirm_cost(site_session.request(Mode.DRIFT))
+        )
         if order is not None:
-            return _ended_or_told(opened, program, order)
+            return _ended_or_told(site_session, program, order)
         selection = RetrievalSelection(arguments.optional("files") or "*", arguments.flag("again"))
         look = program.look(selection)
         if not look["files"]:
-            return _nothing(opened, program, look)
-        plan = _planned(opened, found[0], look)
-        if not opened.as_json or arguments.flag("plan"):
-            _say(opened, program, plan.lines(), plan.as_dict(), ExitCode.CHANGES)
+            return _nothing(site_session, program, look)
+        plan = _make_plan(site_session, sources[0], look)
+        if not site_session.as_json or arguments.flag("plan"):
+            _say(site_session, program, plan.lines(), plan.as_dict(), ExitCode.CHANGES)
         if arguments.flag("plan"):
             return ExitCode.CHANGES
-        return _begin(opened, program, plan, selection)
+        return _begin(site_session, program, plan, selection)
 
 
 def _rehearse(arguments: Arguments) -> ExitCode:
@@ -128,36 +130,40 @@ def _rehearse(arguments: Arguments) -> ExitCode:
         with_example,
     )
 
-    if more := _typed(arguments, "files", "via", "order"):
+    if more := _given_words(arguments, "files", "via", "order"):
         raise UsageError(
             f"`--rehearse` goes the whole way by itself: it takes no {' and no '.join(more)}", hint="leave that out"
         )
-    site, found = arguments.word("site"), []
+    site, candidates = arguments.word("site"), []
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
-        declared, example = with_example(declaration, site)
-        source, host = source_at(declared, site, arguments.optional("from"))
-        found.append((declared, source, example))
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
+        example_declaration, example = with_example(declaration, site)
+        source, host = source_at(example_declaration, site, arguments.optional("from"))
+        candidates.append((example_declaration, source, example))
         return (host,)
 
-    with session(arguments, chosen=chosen) as opened:
-        declared, source, example = found[0]
-        announce(opened)
-        named = arguments.optional("link")
-        bearers = declared.sites[site].bearers
-        bearer = bearers[0] if named is None else bearer_named(declared, site, named)
-        with rehearsed_transfer(declared, source, bearer) as transfer:
+    with session(arguments, choose_hosts=choose_hosts) as site_session:
+        example_declaration, source, example = candidates[0]
+        announce(site_session)
+        link_name = arguments.optional("link")
+        bearers = example_declaration.sites[site].bearers
+        bearer = bearers[0] if link_name is None else bearer_named(example_declaration, site, link_name)
+        with rehearsed_transfer(example_declaration, source, bearer) as transfer:
             program = transfer.program
-            made = plan(declared, source, bearer.name, program.look(RetrievalSelection()))
-            if not opened.as_json:
-                _say(opened, program, [*([example] if example else []), *made.lines()], {}, ExitCode.DONE)
-            status = transfer.run(made)
+            transfer_plan = plan(example_declaration, source, bearer.name, program.look(RetrievalSelection()))
+            if not site_session.as_json:
+                _say(
+                    site_session, program, [*([example] if example else []), *transfer_plan.lines()], {}, ExitCode.DONE
+                )
+            status = transfer.run(transfer_plan)
             same = transfer.same()
             lines = [*status.lines(site), *transfer.lines(same=same)]
-            untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if made.robot is not None else [])]
+            untold = [*NOT_REHEARSED, *([ROBOT_NOT_REHEARSED] if transfer_plan.robot is not None else [])]
             document = {**status.as_dict(), "rehearsed": True, "same": same, "not_rehearsed": untold}
             code = status.exit if same else max(status.exit, ExitCode.CHECKS_FAILED)
-            return _say(opened, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document, code)
+            return _say(
+                site_session, program, [*lines, *(f"  not rehearsed: {each}" for each in untold)], document, code
+            )
 
 
 def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
@@ -166,64 +172,64 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
 
     if order is None:
         return
-    if more := _typed(arguments, "files", "link"):
+    if more := _given_words(arguments, "files", "link"):
         raise UsageError(
             f"`{order}` is about a transfer that was begun: it takes no {' and no '.join(more)}", hint="leave that out"
         )
 
 
-def _typed(arguments: Arguments, *words: str) -> list[str]:
+def _given_words(arguments: Arguments, *words: str) -> list[str]:
     """Which of these words, and of the flags about how a transfer is begun, a person has typed."""
     flags = [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
     return [*(f"`{name}=`" for name in words if arguments.optional(name) is not None), *flags]
 
 
-def _nothing(opened: CommandSession, program: RetrievalProgram, look: dict[str, Any]) -> ExitCode:
+def _nothing(session: CommandSession, program: RetrievalProgram, look: dict[str, Any]) -> ExitCode:
     """Done where all that matches was retrieved before; else nothing has matched."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import left_out
 
-    done = look["kept"] and not look["writing"] and not look["unnamed"]
-    lines = ["nothing to send" if done else "no file to send", *left_out(look)]
+    is_done = look["kept"] and not look["writing"] and not look["unnamed"]
+    lines = ["nothing to send" if is_done else "no file to send", *left_out(look)]
     document = {name: look[name] for name in ("files", "bytes", "kept", "writing", "unnamed")}
-    return _say(opened, program, lines, document, ExitCode.DONE if done else ExitCode.NOTHING)
+    return _say(session, program, lines, document, ExitCode.DONE if is_done else ExitCode.NOTHING)
 
 
-def _planned(opened: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
+def _make_plan(session: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
     """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
 
-    named = opened.arguments.optional("link")
-    bearers = opened.declaration.sites[opened.site].bearers
-    if named is not None:
-        link = bearer_named(opened.declaration, opened.site, named).name
+    link_name = session.arguments.optional("link")
+    bearers = session.declaration.sites[session.site].bearers
+    if link_name is not None:
+        link = bearer_named(session.declaration, session.site, link_name).name
     else:
-        link = bearers[0].name if len(bearers) == 1 else _in_use(opened)
-    return plan(opened.declaration, source, link, look)
+        link = bearers[0].name if len(bearers) == 1 else _in_use(session)
+    return plan(session.declaration, source, link, look)
 
 
-def _in_use(opened: CommandSession) -> str:
+def _in_use(session: CommandSession) -> str:
     """Ask the router which link carries the traffic. Raises DeviceFailed where it does not say so of one alone."""
-    from atlantis_netcfg.cli.links import seen
-    from atlantis_netcfg.core.errors import DeviceFailed
+    from atlantis_netcfg.cli.links import read_links
+    from atlantis_netcfg.core.errors import DeviceError
     from atlantis_netcfg.operations.use import router_of
 
-    gateway, opened.hosts = opened.hosts, (router_of(opened.declaration, opened.site),)
+    gateway, session.hosts = session.hosts, (router_of(session.declaration, session.site),)
     try:
-        active = [status.name for status in seen(opened).bearers if status.active]
+        active = [status.name for status in read_links(session).bearers if status.active]
     finally:
-        opened.hosts = gateway
+        session.hosts = gateway
     if len(active) != 1:
-        raise DeviceFailed(
-            f"which link carries the traffic of {opened.site} is not known, so nothing was sent",
-            hint=f"`provision links site={opened.site}` shows more; or name it: `link=NAME`",
+        raise DeviceError(
+            f"which link carries the traffic of {session.site} is not known, so nothing was sent",
+            hint=f"`provision links site={session.site}` shows more; or name it: `link=NAME`",
         )
     return active[0]
 
 
 def _begin(
-    opened: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
+    session: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
 ) -> ExitCode:
     """Raises CostRefused, NotBegun, BeginningUnknown."""
     from atlantis_netcfg.cli.base.consent import pay
@@ -232,18 +238,18 @@ def _begin(
 
     if plan.cost.over_cap:
         raise plan.cost.refusal()
-    words = [plan.cost.words] if plan.link.metered else []
-    pay(words, accepted=opened.arguments.given(ACCEPT_COST), as_json=opened.as_json)
+    words = [plan.cost.words] if plan.link.is_metered else []
+    pay(words, is_accepted=session.arguments.has_flag(ACCEPT_COST), as_json=session.as_json)
     program.start(plan.job(selection, new_number()))
-    if opened.arguments.flag("leave"):
+    if session.arguments.flag("leave"):
         status = program.status()
         lines = ["begun: the gateway sends by itself", shown_by(program.host, program.source)]
         code = ExitCode.DONE if status.runs or status.whole else status.exit
-        return _say(opened, program, lines, status.as_dict(), code)
-    return _watched(opened, program)
+        return _say(session, program, lines, status.as_dict(), code)
+    return _watch(session, program)
 
 
-def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
+def _watch(session: CommandSession, program: RetrievalProgram) -> ExitCode:
     """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
@@ -252,7 +258,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
 
     name, period_s = program.host.name, _SLOWLY_S if program.slow else _OFTEN_S
     try:
-        with progress(quiet=opened.as_json) as notify:
+        with progress(quiet=session.as_json) as notify:
             while (status := _patient(program)) is None or status.runs:
                 if status is not None:
                     notify(Event(name, Stage.APPLYING, status.progress()))
@@ -262,7 +268,7 @@ def _watched(opened: CommandSession, program: RetrievalProgram) -> ExitCode:
             f"nobody watches any more; {name} goes on sending by itself",
             hint=shown_by(program.host, program.source),
         ) from None
-    return _tell(opened, program, status)
+    return _tell(session, program, status)
 
 
 _OFTEN_S, _SLOWLY_S = 2.0, 30.0
@@ -279,26 +285,26 @@ def _patient(program: RetrievalProgram) -> RetrievalStatus | None:
         return None
 
 
-def _ended_or_told(opened: CommandSession, program: RetrievalProgram, order: str) -> ExitCode:
+def _ended_or_told(session: CommandSession, program: RetrievalProgram, order: str) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     if order == "status":
-        return _tell(opened, program, program.status())
+        return _tell(session, program, program.status())
     before = program.status()
     if not before.runs:
         lines = ["nothing goes on, so there is nothing to stop"]
-        return _say(opened, program, lines, before.as_dict(), ExitCode.NOTHING)
+        return _say(session, program, lines, before.as_dict(), ExitCode.NOTHING)
     after = program.stop()
     code = ExitCode.DONE if not after.runs else ExitCode.FAILED
-    return _say(opened, program, after.lines(opened.site), after.as_dict(), code)
+    return _say(session, program, after.lines(session.site), after.as_dict(), code)
 
 
-def _tell(opened: CommandSession, program: RetrievalProgram, status: RetrievalStatus) -> ExitCode:
-    return _say(opened, program, status.lines(opened.site), status.as_dict(), status.exit)
+def _tell(session: CommandSession, program: RetrievalProgram, status: RetrievalStatus) -> ExitCode:
+    return _say(session, program, status.lines(session.site), status.as_dict(), status.exit)
 
 
 def _say(
-    opened: CommandSession,
+    session: CommandSession,
     program: RetrievalProgram,
     lines: Sequence[str],
     data: dict[str, object],
@@ -306,9 +312,9 @@ def _say(
 ) -> ExitCode:
     from atlantis_netcfg.core import printable
 
-    if opened.as_json:
-        named = {"site": opened.site, "from": program.source.name}
-        print(json_text({**named, **data, "exit": int(code), "errors": []}))
+    if session.as_json:
+        head = {"site": session.site, "from": program.source.name}
+        print(json_text({**head, **data, "exit": int(code), "errors": []}))
         return code
     for line in lines:
         print(printable.line(translate(line)), flush=True)

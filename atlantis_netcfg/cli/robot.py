@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.operations.robots import MockPlace
     from atlantis_netcfg.robots.mock import MockRobot
-    from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.observation import RobotObservation, RobotReport
     from atlantis_netcfg.robots.recording import BagRecorder
     from atlantis_netcfg.robots.replay import Bag, BagPlayer
 
@@ -72,8 +72,8 @@ def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) ->
     """The files that were asked for, read. Raises UsageError and NothingMatched."""
     from pathlib import Path
 
-    from atlantis_netcfg.core.errors import NothingMatched, UsageError
-    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.core.errors import NoMatchError, UsageError
+    from atlantis_netcfg.inventory.findings import suggest
     from atlantis_netcfg.inventory.loader import shown_path
     from atlantis_netcfg.inventory.robots.reading import FOLDER, read_declared, read_given
 
@@ -84,14 +84,14 @@ def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) ->
         if name in declaration.vehicles and not Path(name).exists():
             raise UsageError(f"there is no file `{name}`", hint=f"type `provision robot validate vehicle={name}`")
     if vehicle is not None and vehicle not in declaration.vehicles:
-        raise UsageError(f"no vehicle is called `{vehicle}`", hint=meant(vehicle, declaration.vehicles, none=""))
+        raise UsageError(f"no vehicle is called `{vehicle}`", hint=suggest(vehicle, declaration.vehicles, none=""))
     if files:
         return read_given(map(Path, files), declaration, names)
     sources = [each for each in read_declared(declaration, names) if vehicle in {None, each.vehicle}]
     if not sources:
         folder = shown_path(declaration.root / FOLDER)
         where = f"{folder}/{vehicle}.yml" if vehicle is not None else f"{folder}/<vehicle>.yml"
-        raise NothingMatched(f"there is no {where}", hint="put the robot's own file there: docs/robots.md says how")
+        raise NoMatchError(f"there is no {where}", hint="put the robot's own file there: docs/robots.md says how")
     return sources
 
 
@@ -140,7 +140,7 @@ ROBOT_DISCOVER = CommandSpec(
     "listen at a site: which robots publish their configuration and topics, and whether that is as their files say",
     group=Group.LINKS,
     words=(
-        Word("site", "the site, to whose LAN or VPN this computer is connected", required=True, example="coastal"),
+        Word("site", "the site, to whose LAN or VPN this computer is connected", is_required=True, example="coastal"),
         Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
         Word(
             "from",
@@ -175,7 +175,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
     namespace = arguments.optional("save")
-    if namespace is not None or arguments.given(ASK_VAULT_PASS):
+    if namespace is not None or arguments.has_flag(ASK_VAULT_PASS):
         _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)
@@ -189,14 +189,14 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     if not arguments.flag("json"):
         _tell_heard(observation, reports, robots.dds_of(declaration).domain)
         _tell_recording(record)
-    saved = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
+    robot_file = robots.save(declaration, namespace, observation, vault.encrypt) if namespace is not None else None
     if arguments.flag("json"):
-        more: dict[str, object] = {"saved": None if saved is None else str(saved)}
+        more: dict[str, object] = {"saved": None if robot_file is None else str(robot_file)}
         if record is not None:
             more["recording"] = record.as_dict()
         print(json_text({"exit": int(code), "errors": [], **_heard_as_json(observation, reports), **more}))
-    elif saved is not None:
-        print(translate(f"{saved} was written, its token encrypted: look at it before you keep it"))
+    elif robot_file is not None:
+        print(translate(f"{robot_file} was written, its token encrypted: look at it before you keep it"))
     return code
 
 
@@ -213,7 +213,7 @@ def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | Non
     return robots.recorder(declaration, folder)
 
 
-def _tell_heard(observation: Observation, reports: Sequence[RobotReport], number: int) -> None:
+def _tell_heard(observation: RobotObservation, reports: Sequence[RobotReport], number: int) -> None:
     for report in reports:
         for line in _report_lines(report):
             print(line)
@@ -241,10 +241,10 @@ def _tell_recording(record: BagRecorder | None) -> None:
 
 def _listen(
     arguments: Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
-) -> tuple[Observation, list[RobotReport]]:
+) -> tuple[RobotObservation, list[RobotReport]]:
     """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.inventory.findings import suggest
     from atlantis_netcfg.inventory.model import ServerComputer
     from atlantis_netcfg.operations import robots
     from atlantis_netcfg.operations.robots import remote
@@ -257,7 +257,7 @@ def _listen(
         raise UsageError("`address=` is one of this computer, and `from=` names another", hint="leave one of them out")
     if place not in declaration.hosts:
         computers = [host.name for host in declaration.hosts.values() if isinstance(host.device, ServerComputer)]
-        raise UsageError(f"`from={place}` is no host of the inventory", hint=meant(place, computers, none=""))
+        raise UsageError(f"`from={place}` is no host of the inventory", hint=suggest(place, computers, none=""))
     host = declaration.hosts[place]
     device = remote.listening_computer(declaration, host)
     _pay(arguments, declaration, site, seconds, lambda: str(device.address))
@@ -268,7 +268,7 @@ def _listen(
 def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
     """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
     from atlantis_netcfg.cli.base.consent import pay
-    from atlantis_netcfg.links.cost import CostRefused
+    from atlantis_netcfg.links.cost import CostRefusal
     from atlantis_netcfg.operations.robots.listening_cost import listening_cost
 
     cost, gateway = listening_cost(declaration, site, seconds, address), declaration.computer_of(site)
@@ -281,9 +281,9 @@ def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int
     try:
         if cost.over_cap:
             raise cost.refusal()
-        pay([cost.words], accepted=arguments.flag("accept-cost"), as_json=arguments.flag("json"))
-    except CostRefused as error:
-        raise CostRefused(str(error), hint=hint) from None
+        pay([cost.words], is_accepted=arguments.flag("accept-cost"), as_json=arguments.flag("json"))
+    except CostRefusal as error:
+        raise CostRefusal(str(error), hint=hint) from None
 
 
 def _report_lines(report: RobotReport) -> Iterator[str]:
@@ -298,7 +298,7 @@ def _report_lines(report: RobotReport) -> Iterator[str]:
             yield f"  {'':<13}{translate(finding.hint)}"
 
 
-def _heard_as_json(observation: Observation, reports: Sequence[RobotReport]) -> dict[str, object]:
+def _heard_as_json(observation: RobotObservation, reports: Sequence[RobotReport]) -> dict[str, object]:
     return {
         "seconds": round(observation.seconds, 1),
         "program": observation.program,
@@ -364,7 +364,7 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
     from contextlib import suppress
 
     from atlantis_netcfg.core.errors import UsageError
-    from atlantis_netcfg.inventory.findings import meant
+    from atlantis_netcfg.inventory.findings import suggest
     from atlantis_netcfg.operations import robots
 
     declaration, site = _declaration(arguments), arguments.optional("site")
@@ -372,7 +372,7 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
         _require_site(declaration, site)
     for vehicle in arguments.many("vehicle"):
         if vehicle not in declaration.vehicles:
-            hint = meant(vehicle, declaration.vehicles, none="")
+            hint = suggest(vehicle, declaration.vehicles, none="")
             raise UsageError(f"no vehicle is called `{vehicle}`", hint=hint)
     span = arguments.optional("for")
     seconds = robots.seconds_of(span) if span else None
@@ -396,10 +396,18 @@ def run_robot_mock(arguments: Arguments) -> ExitCode:
     _tell_goals(robots_here)
     for each in robots_here:
         counts = sum((action.counts for action in each.actions), Counter())
-        print(translate(f"  {each.robot.name}: {sum(each.sent.values())} messages on {len(each.sent)} topics"))
-        accepted, refused, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
         print(
-            translate(f"  {each.robot.name}: goals accepted {accepted}, refused {refused}, not understood {unreadable}")
+            translate(
+                f"  {each.robot.name}: "
+                f"{sum(each.message_counts.values())} messages on {len(each.message_counts)} topics"
+            )
+        )
+        accepted_count, refused_count, unreadable = (counts[word] for word in ("accepted", "refused", "unreadable"))
+        print(
+            translate(
+                f"  {each.robot.name}: goals accepted {accepted_count}, refused {refused_count}, "
+                f"not understood {unreadable}"
+            )
         )
     return ExitCode.DONE if robots_here else ExitCode.NOTHING
 

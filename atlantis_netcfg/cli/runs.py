@@ -25,7 +25,7 @@ from atlantis_netcfg.cli.base.arguments import (
     Group,
     Word,
 )
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -54,60 +54,58 @@ def run_runs(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
-    store = Store(paths.state_dir(), rehearsed=arguments.flag("rehearsed"))
+    store = Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearsed"))
     sites = _sites(store, arguments.optional("site"))
-    aside = {site: store.archived(site) for site in sites}
+    aside = {site: store.archived_runs(site) for site in sites}
     everything = arguments.flag("all")
-    listed = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
-    archived = sum(map(len, aside.values()))
-    if not listed:
-        raise NothingMatched("there are no runs", hint="`provision site=NAME` makes the first one")
+    rows = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
+    archived_count = sum(map(len, aside.values()))
+    if not rows:
+        raise NoMatchError("there are no runs", hint="`provision site=NAME` makes the first one")
     if arguments.flag("json"):
-        print(json_text({"exit": int(ExitCode.DONE), "errors": [], "runs": listed, "archived": archived}))
+        print(json_text({"exit": int(ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
-        print("\n".join(_line(row) for row in listed))
-        if archived and not everything:
-            print(f"{archived} older runs are put aside: `provision runs --all` lists them too")
+        print("\n".join(_line(row) for row in rows))
+        if archived_count and not everything:
+            print(f"{archived_count} older runs are put aside: `provision runs --all` lists them too")
     return ExitCode.DONE
 
 
 def _sites(store: Store, site: str | None) -> tuple[str, ...]:
-    known = store.sites()
+    sites = store.sites()
     if site is None:
-        return known
-    if site not in known:
-        raise NothingMatched(
-            f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(known) or 'no site'}"
-        )
+        return sites
+    if site not in sites:
+        raise NoMatchError(f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(sites) or 'no site'}")
     return (site,)
 
 
-def _rows(store: Store, site: str, archived: Sequence[str]) -> Iterator[dict[str, Any]]:
+def _rows(store: Store, site: str, archived_runs: Sequence[str]) -> Iterator[dict[str, Any]]:
     """One row a run; each journal is read once."""
-    from atlantis_netcfg.runs import unfinished
+    from atlantis_netcfg.runs import find_unfinished
 
     runs = store.runs(site)
-    open_runs = {run.id for run in unfinished(runs)}
-    for item in sorted((*(store.run(site, name) for name in archived), *runs), key=lambda run: run.id):
-        yield _row(item, site, unfinished=item.id in open_runs)
+    open_runs = {run.id for run in find_unfinished(runs)}
+    for item in sorted((*(store.run(site, name) for name in archived_runs), *runs), key=lambda run: run.id):
+        yield _row(item, site, is_open=item.id in open_runs)
 
 
-def _row(run: Run, site: str, *, unfinished: bool) -> dict[str, Any]:
-    started = run.started
-    hosts = started.hosts if started else ()
+def _row(run: Run, site: str, *, is_open: bool) -> dict[str, Any]:
+    start = run.start_record
+    hosts = start.hosts if start else ()
     return {
         "run": run.id,
         "site": site,
         "exit": run.exit,
-        "unfinished": unfinished,
-        "command": started.command if started else "",
-        "prepares": started is not None and started.prepares,
-        "next": run.next_command if unfinished else None,
+        "unfinished": is_open,
+        "command": start.command if start else "",
+        "prepares": start is not None and start.prepares,
+        "next": run.next_command if is_open else None,
         "damage": list(run.log.damage),
         "devices": {
             host: {
                 "status": outcome.status if (outcome := run.outcomes.get(host)) else "not reached",
-                "confirmed": len(run.confirmed(host)),
+                "confirmed": len(run.confirmed_actions(host)),
                 "saved_state": run.before(host) is not None,
                 "confirmed_state": run.confirmed_state(host) is not None,
             }
@@ -126,8 +124,8 @@ def _line(row: dict[str, Any]) -> str:
 
 def _device(name: str, outcome: dict[str, Any]) -> str:
     """How it ended, how many actions were confirmed, and whether `provision restore` can take its state."""
-    kept = ", state kept" if outcome["confirmed_state"] else ""
-    return f"{name} {outcome['status']} ({outcome['confirmed']}{kept})"
+    state_note = ", state kept" if outcome["confirmed_state"] else ""
+    return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
 
 
 SITE = CommandSpec(
@@ -135,7 +133,7 @@ SITE = CommandSpec(
     "bring a site to its declared state, guarded, and read back what came of it",
     group=Group.FIRST,
     words=(
-        Word("site", "the site, or `all`", required=True, example="coastal"),
+        Word("site", "the site, or `all`", is_required=True, example="coastal"),
         ONLY,
         VIA,
         INVENTORY,
@@ -163,20 +161,20 @@ def run_site(arguments: Arguments) -> ExitCode:
 
     bundle, file = _bundle(arguments), _plan_file(arguments)
     next_command = ""
-    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as opened:
-        opened.offline = bundle
+    with session(arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via")) as site_session:
+        site_session.offline = bundle
         if arguments.flag("plan"):
-            report = opened.plan()
+            report = site_session.plan()
             if file is not None:
-                next_command = save(opened, report, file)
-        elif opened.rehearsal is not None:
+                next_command = save(site_session, report, file)
+        elif site_session.rehearsal is not None:
             from atlantis_netcfg.cli.base.rehearsal import announce, rehearse
 
-            announce(opened)
-            report = rehearse(opened, opened.rehearsal)
+            announce(site_session)
+            report = rehearse(site_session, site_session.rehearsal)
         else:
-            report = opened.change(ask=not arguments.flag("yes"))
-    return opened.close(report, next_command)
+            report = site_session.change(ask=not arguments.flag("yes"))
+    return site_session.close(report, next_command)
 
 
 def _plan_file(arguments: Arguments) -> Path | None:
@@ -188,21 +186,21 @@ def _plan_file(arguments: Arguments) -> Path | None:
     for name in ("save", "summary"):
         if arguments.flag(name) and not arguments.flag("plan"):
             raise UsageError(f"`--{name}` is about a plan, and this command changes devices", hint="add `--plan`")
-    named = arguments.value("save")
-    if named is None:
+    path_text = arguments.value("save")
+    if path_text is None:
         return None
-    refuse_place(Path(named))
-    return Path(named)
+    refuse_place(Path(path_text))
+    return Path(path_text)
 
 
 def _bundle(arguments: Arguments) -> Path | None:
     """The bundle that was named. Raises UsageError where it cannot be used."""
     from pathlib import Path
 
-    named = arguments.value("offline")
-    if named is not None and arguments.flag("rehearse"):
+    path_text = arguments.value("offline")
+    if path_text is not None and arguments.flag("rehearse"):
         raise UsageError(
             "`--offline` with `--rehearse`: the gateways of a rehearsal are not the systems that a bundle is made for",
             hint="leave one of them out; `--plan` shows what would be taken from the bundle",
         )
-    return Path(named).absolute() if named is not None else None
+    return Path(path_text).absolute() if path_text is not None else None

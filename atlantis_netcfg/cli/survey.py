@@ -37,7 +37,7 @@ SURVEY = CommandSpec(
     "measure the coverage of a 4G link along a track: levels, cell, round trip, goodput",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="te4sea"),
+        Word("site", "the site", is_required=True, example="te4sea"),
         Word("link", "the 4G link; may be left out where there is one", example="4g"),
         Word("gps", "`gateway`, `here`, or the address of a gpsd; else the gateway if it has one", example="here"),
         Word("every", "metres and seconds between two points", example="50m,30s"),
@@ -75,15 +75,15 @@ def run_survey(arguments: Arguments) -> ExitCode:
     if arguments.optional("from") is not None:
         return _made_again(arguments, coast)
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         choose(declaration, arguments.word("site"), ())
         link = surveyed_link(declaration, arguments.word("site"), arguments.optional("link"))
         return (unit_of(declaration, link),)
 
     _one_site(arguments)
-    with session(arguments, rehearse=arguments.flag("rehearse"), chosen=chosen) as opened:
-        folder = _measured(opened, plan)
-        return _report(opened.arguments, folder, coast, opened.rehearsed)
+    with session(arguments, rehearse=arguments.flag("rehearse"), choose_hosts=choose_hosts) as site_session:
+        folder = _measure(site_session, plan)
+        return _report(site_session.arguments, folder, coast, site_session.is_rehearsal)
 
 
 def _one_site(arguments: Arguments) -> None:
@@ -121,8 +121,8 @@ _REHEARSED_S = 1200.0
 def _coast(arguments: Arguments) -> Coast | None:
     from atlantis_netcfg.records.survey.exports import named_coast
 
-    named = arguments.optional("coast")
-    return None if named is None else named_coast(named)
+    coast_name = arguments.optional("coast")
+    return None if coast_name is None else named_coast(coast_name)
 
 
 def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
@@ -130,13 +130,13 @@ def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.records.survey.archive import folder_of, kept_survey
     from atlantis_netcfg.runs import Store
 
-    rehearsed = arguments.flag("rehearse")
-    store = Store(paths.state_dir(), rehearsed=rehearsed)
+    is_rehearsal = arguments.flag("rehearse")
+    store = Store(paths.state_dir(), is_rehearsal=is_rehearsal)
     folder = kept_survey(folder_of(store, arguments.word("site")), arguments.optional("from") or "")
-    return _report(arguments, folder, coast, rehearsed)
+    return _report(arguments, folder, coast, is_rehearsal)
 
 
-def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
+def _measure(session: CommandSession, plan: SurveyPlan) -> Path:
     """Survey; the folder in which everything is."""
     from contextlib import ExitStack
 
@@ -148,12 +148,12 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
     from atlantis_netcfg.records.survey.positions import GpsdSource
     from atlantis_netcfg.runs import os_errors_as, utc_now
 
-    refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-    site = _site(opened, plan)
-    _paid(opened, site.link, plan)
-    if not opened.rehearsed and not site.radio_only:
-        open_far_end(opened.declaration, site.request)
-    folder = new_folder(folder_of(opened.store, opened.site), utc_now())
+    refuse_examples(session.declaration, is_rehearsal=session.is_rehearsal)
+    site = _site(session, plan)
+    _confirm_cost(session, site.link, plan)
+    if not session.is_rehearsal and not site.radio_only:
+        open_far_end(session.declaration, site.request)
+    folder = new_folder(folder_of(session.store, session.site), utc_now())
     with ExitStack() as stack:
         with os_errors_as("the survey", folder):
             lines = stack.enter_context((folder / SURVEY_FILE).open("x", encoding="utf-8"))
@@ -170,36 +170,36 @@ def _measured(opened: CommandSession, plan: SurveyPlan) -> Path:
 
         def point_taken(point: SurveyPoint) -> None:
             write(point)
-            if not opened.as_json and not opened.rehearsed:
+            if not session.as_json and not session.is_rehearsal:
                 print(_line(point), flush=True)
 
         survey = site.running(stack, sample_taken, point_taken)
         write(site.header(survey, folder.name))
-        _begin_words(opened, survey)
-        reason = _by_clicks(survey) if opened.arguments.flag("clicks") else survey.run()
+        _begin_words(session, survey)
+        reason = _by_clicks(survey) if session.arguments.flag("clicks") else survey.run()
         write(SurveyEnd(at=survey.clock.utc(), reason=reason))
-    if isinstance(survey.positions, GpsdSource) and survey.positions.trouble and not opened.as_json:
+    if isinstance(survey.positions, GpsdSource) and survey.positions.trouble and not session.as_json:
         print(translate(f"{survey.positions.name}: {survey.positions.trouble}"), flush=True)
     return folder
 
 
-def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
+def _site(session: CommandSession, plan: SurveyPlan) -> SiteSurvey:
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.records.survey.radio import surveyed_link
     from atlantis_netcfg.records.survey.site import SiteSurvey
 
-    arguments, unit, twins = opened.arguments, opened.hosts[0], opened.rehearsal
+    arguments, unit, twins = session.arguments, session.hosts[0], session.rehearsal
 
     def tune(truth: PlaceTruth) -> None:
         assert twins is not None  # noqa: S101 - only a rehearsal tunes
         twins.tune(unit.name, truth)
 
     return SiteSurvey(
-        opened.declaration,
-        surveyed_link(opened.declaration, opened.site, arguments.optional("link")),
+        session.declaration,
+        surveyed_link(session.declaration, session.site, arguments.optional("link")),
         unit,
-        opened.request(Mode.DRIFT),
-        opened.store,
+        session.request(Mode.DRIFT),
+        session.store,
         plan,
         radio_only=arguments.flag("radio-only"),
         clicks=arguments.flag("clicks"),
@@ -208,30 +208,30 @@ def _site(opened: CommandSession, plan: SurveyPlan) -> SiteSurvey:
     )
 
 
-def _paid(opened: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
+def _confirm_cost(session: CommandSession, link: Bearer, plan: SurveyPlan) -> None:
     """Say what it may cost, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import preview
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    metered = link_of(opened.declaration, opened.site, link.name)
-    if not metered.metered or opened.arguments.flag("radio-only"):
+    site_link = link_of(session.declaration, session.site, link.name)
+    if not site_link.is_metered or session.arguments.flag("radio-only"):
         return
     hours = 1.0 if plan.max_seconds is None else max(1.0, plan.max_seconds / 3600.0)
-    expected = preview(round(plan.hourly_bytes * hours), 3600.0 * hours, metered, at_most=True)
-    words = f"{expected.words}{': each hour, until you stop it' if plan.max_seconds is None else ''}"
-    if opened.rehearsed:
-        if not opened.as_json:
+    cost_preview = preview(round(plan.hourly_bytes * hours), 3600.0 * hours, site_link, at_most=True)
+    words = f"{cost_preview.words}{': each hour, until you stop it' if plan.max_seconds is None else ''}"
+    if session.is_rehearsal:
+        if not session.as_json:
             print(translate(f"a real survey asks first: {words}"))
         return
-    if expected.over_cap:
-        raise expected.refusal()
-    pay([words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+    if cost_preview.over_cap:
+        raise cost_preview.refusal()
+    pay([words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
 
 
-def _begin_words(opened: CommandSession, survey: RunningSurvey) -> None:
+def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
     """Say how it goes, and how it ends."""
-    if opened.as_json:
+    if session.as_json:
         return
     link, plan = survey.link, survey.plan
     if survey.tester is None:
@@ -240,14 +240,14 @@ def _begin_words(opened: CommandSession, survey: RunningSurvey) -> None:
         pace = plan.test_every_s(survey.tester.transport.headers)
         most = plan.hourly_bytes / 1_000_000
         print(translate(f"A test over {link} every {pace:.0f} s: at most {most:g} MB in any hour"), flush=True)
-    if not opened.rehearsed and plan.max_seconds is None and not opened.arguments.flag("clicks"):
+    if not session.is_rehearsal and plan.max_seconds is None and not session.arguments.flag("clicks"):
         print(translate("Ctrl-C ends the survey and keeps all of it"), flush=True)
 
 
 def _by_clicks(survey: RunningSurvey) -> str:
     """Take a point for each position that a person types; why it ended."""
     from atlantis_netcfg.links.qualify.session import EndReason
-    from atlantis_netcfg.records.survey.measure import STOPPED
+    from atlantis_netcfg.records.survey.measure import STOP_REASON
     from atlantis_netcfg.records.survey.site import TypedPositions
 
     assert isinstance(survey.positions, TypedPositions)  # noqa: S101 - `--clicks` has chosen it
@@ -257,7 +257,7 @@ def _by_clicks(survey: RunningSurvey) -> str:
         while True:
             if not survey.positions.type(input(question)):
                 print(translate("  that is no position: type it like 41.6864, -8.8388"))
-            elif survey.take().no_test == STOPPED:
+            elif survey.take().no_test == STOP_REASON:
                 return EndReason.STOPPED
     except EOFError:
         return EndReason.DONE
@@ -278,7 +278,7 @@ def _line(point: SurveyPoint) -> str:
     return f"{point.number:>4}  {where}  {radio or translate(point.no_radio or 'no level')}  {test}"
 
 
-def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: bool) -> ExitCode:  # noqa: FBT001 - as it is
+def _report(arguments: Arguments, folder: Path, coast: Coast | None, is_rehearsal: bool) -> ExitCode:  # noqa: FBT001 - as it is
     """Make the files, and say what there is."""
     from pathlib import Path
 
@@ -286,35 +286,35 @@ def _report(arguments: Arguments, folder: Path, coast: Coast | None, rehearsed: 
     from atlantis_netcfg.records.survey.page import missing, summary
     from atlantis_netcfg.records.survey.rehearsal import NOT_REHEARSED
 
-    named = arguments.optional("to")
-    survey = export(folder, coast, None if named is None else Path(named))
-    found = outcome(survey)
-    beyond = NOT_REHEARSED if rehearsed else ()
+    folder_name = arguments.optional("to")
+    survey = export(folder, coast, None if folder_name is None else Path(folder_name))
+    result = outcome(survey)
+    beyond = NOT_REHEARSED if is_rehearsal else ()
     if arguments.flag("json"):
         document = {
             "survey": survey.header.model_dump(mode="json", exclude={"kind"}),
             "ended": survey.reason,
             "points": len(survey.points),
-            "placed": len(survey.placed),
+            "placed": len(survey.placed_points),
             "bytes": sum(point.test_bytes for point in survey.points),
             "without_position": dict(missing(survey)),
             "kept": str(folder),
             "files": list(EXPORTS),
-            "message": found.words,
-            "rehearsed": rehearsed,
+            "message": result.words,
+            "rehearsed": is_rehearsal,
             "not_rehearsed": list(beyond),
-            "exit": int(found.exit),
+            "exit": int(result.exit),
         }
         print(json_text(document))
-        return found.exit
+        return result.exit
     lines = [
         f"Survey of {survey.header.link} of {survey.header.site}, {survey.header.id}",
-        *(["emulated devices, nothing real was asked"] if rehearsed else []),
+        *(["emulated devices, nothing real was asked"] if is_rehearsal else []),
         *(f"  {line}" for line in summary(survey)),
         *(f"  not rehearsed: {entry}" for entry in beyond),
         f"kept: {folder}",
-        found.words,
+        result.words,
     ]
     for line in lines:
         print(translate(line))
-    return found.exit
+    return result.exit

@@ -10,9 +10,9 @@ from atlantis_netcfg.cli.base.arguments import (
     INVENTORY,
     JSON,
     PROFILE,
-    UNPROTECTED,
     VERBOSE,
     VIA,
+    WITHOUT_PROTECTION,
     Arguments,
     CommandSpec,
     Flag,
@@ -33,7 +33,7 @@ USE = CommandSpec(
     "let a link carry the traffic of a site for a time; then the router puts the declared order back by itself",
     group=Group.LINKS,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word("link", "the link that is to carry the traffic", example="4g"),
         Word("for", "how long, from 1 minute to 24 hours", example="30m"),
         Word("order", "`end`: the declared order holds again from now on", choices=("end",), bare=True),
@@ -47,7 +47,7 @@ USE = CommandSpec(
         PROFILE,
         Flag("yes", "do not ask before changing the router"),
         ACCEPT_COST,
-        UNPROTECTED,
+        WITHOUT_PROTECTION,
         ASK_VAULT_PASS,
         JSON,
         VERBOSE,
@@ -69,24 +69,26 @@ def run_use(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.use import UseRequest, router_of
 
-    site, unproved = arguments.word("site"), arguments.flag("unproved")
+    site, allow_unproved = arguments.word("site"), arguments.flag("unproved")
     for_s = _for_s(arguments)
     requests: list[UseRequest] = []
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         router = router_of(declaration, site)
         if for_s is not None:
-            requests.append(UseRequest(site, bearer_named(declaration, site, arguments.word("link")), for_s, unproved))
+            requests.append(
+                UseRequest(site, bearer_named(declaration, site, arguments.word("link")), for_s, allow_unproved)
+            )
         return (router,)
 
     with session(
-        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), chosen=chosen
-    ) as opened:
-        refuse_examples(opened.declaration, rehearsed=opened.rehearsed)
-        if opened.rehearsal is not None:
-            _settle(opened)
-        report = _begin(opened, requests[0]) if requests else _end(opened)
-    return opened.close(report)
+        arguments, rehearse=arguments.flag("rehearse"), via=arguments.optional("via"), choose_hosts=choose_hosts
+    ) as site_session:
+        refuse_examples(site_session.declaration, is_rehearsal=site_session.is_rehearsal)
+        if site_session.rehearsal is not None:
+            _settle(site_session)
+        report = _begin(site_session, requests[0]) if requests else _end(site_session)
+    return site_session.close(report)
 
 
 def _for_s(arguments: Arguments) -> int | None:
@@ -95,14 +97,14 @@ def _for_s(arguments: Arguments) -> int | None:
     from atlantis_netcfg.operations.use import span_s
 
     site, span = arguments.word("site"), arguments.optional("for")
-    named = [name for name in ("link", "for") if arguments.optional(name) is not None]
+    given_names = [name for name in ("link", "for") if arguments.optional(name) is not None]
     whole = f"type `provision use site={site} link=4g for=30m`, or `provision use site={site} end`"
     if arguments.optional("order") is None:
-        if span is None or len(named) < 2:  # noqa: PLR2004 - both words
-            missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in named)
-            raise UsageError(f"{missing} {'are' if len(named) == 0 else 'is'} missing", hint=whole)
+        if span is None or len(given_names) < 2:  # noqa: PLR2004 - both words
+            missing = " and ".join(f"`{name}=`" for name in ("link", "for") if name not in given_names)
+            raise UsageError(f"{missing} {'are' if len(given_names) == 0 else 'is'} missing", hint=whole)
         return span_s(span)
-    if named:
+    if given_names:
         raise UsageError("`end` ends whatever is in use: it takes no link and no time", hint=whole)
     if arguments.flag("rehearse"):
         raise UsageError(
@@ -112,96 +114,96 @@ def _for_s(arguments: Arguments) -> int | None:
     return None
 
 
-def _settle(opened: CommandSession) -> None:
+def _settle(session: CommandSession) -> None:
     """Configure the emulated router, and let it run for as long as it needs to judge its links."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.routeros.link_use import SETTLED_S
 
-    announce(opened)
-    opened.configure_twins(strict=True)
-    _wait(opened, SETTLED_S)
+    announce(session)
+    session.configure_twins(strict=True)
+    _wait(session, SETTLED_S)
 
 
-def _wait(opened: CommandSession, seconds: float) -> None:
+def _wait(session: CommandSession, seconds: float) -> None:
     """Put the clock of the emulated router forward."""
-    assert opened.rehearsal is not None  # noqa: S101 - only a rehearsal comes here
-    opened.rehearsal.twins.do(opened.hosts[0].name, "wait", seconds=seconds)
+    assert session.rehearsal is not None  # noqa: S101 - only a rehearsal comes here
+    session.rehearsal.twins.do(session.hosts[0].name, "wait", seconds=seconds)
 
 
-def _begin(opened: CommandSession, use_request: UseRequest) -> RunReport:
-    from atlantis_netcfg.cli.links import seen
+def _begin(session: CommandSession, use_request: UseRequest) -> RunReport:
+    from atlantis_netcfg.cli.links import read_links
 
-    order = use_request.order(seen(opened), proof=opened.store.proof(opened.site, use_request.bearer.name))
-    _pay(opened, use_request)
-    opened.use = order
-    if opened.arguments.flag("plan"):
-        return opened.plan()
-    if opened.rehearsal is not None:
-        return _rehearsed(opened, use_request)
-    report = opened.change(ask=not opened.arguments.flag("yes"))
-    if not report.exit and not opened.as_json and order.until is not None:
+    order = use_request.order(read_links(session), proof=session.store.proof(session.site, use_request.bearer.name))
+    _pay(session, use_request)
+    session.use = order
+    if session.arguments.flag("plan"):
+        return session.plan()
+    if session.rehearsal is not None:
+        return _rehearse(session, use_request)
+    report = session.change(ask=not session.arguments.flag("yes"))
+    if not report.exit and not session.as_json and order.until is not None:
         from atlantis_netcfg.core.times import time_text
 
-        until = time_text(order.until, opened.declaration.pilot.time_zone)
-        print(translate(f"{order.link} carries the traffic of {opened.site} until {until}"), flush=True)
+        until = time_text(order.until, session.declaration.pilot.time_zone)
+        print(translate(f"{order.link} carries the traffic of {session.site} until {until}"), flush=True)
     return report
 
 
-def _end(opened: CommandSession) -> RunReport:
-    from atlantis_netcfg.cli.links import seen
+def _end(session: CommandSession) -> RunReport:
+    from atlantis_netcfg.cli.links import read_links
     from atlantis_netcfg.operations.use import ended_order
 
-    opened.use = ended_order(opened.site, seen(opened))
-    if opened.arguments.flag("plan"):
-        return opened.plan()
-    return opened.change(ask=not opened.arguments.flag("yes"))
+    session.use = ended_order(session.site, read_links(session))
+    if session.arguments.flag("plan"):
+        return session.plan()
+    return session.change(ask=not session.arguments.flag("yes"))
 
 
-def _pay(opened: CommandSession, use_request: UseRequest) -> None:
+def _pay(session: CommandSession, use_request: UseRequest) -> None:
     """Tell what the traffic of the site may cost over the link, and return when somebody pays. Raises CostRefused."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.operations.common.site_links import link_of
 
-    link = link_of(opened.declaration, opened.site, use_request.bearer.name)
-    if not link.metered or opened.arguments.flag("plan"):
+    link = link_of(session.declaration, session.site, use_request.bearer.name)
+    if not link.is_metered or session.arguments.flag("plan"):
         return
     words = f"{use_request.cost(link).words}: all that the site sends and receives within that time"
-    if opened.rehearsed:
-        if not opened.as_json:
+    if session.is_rehearsal:
+        if not session.as_json:
             print(translate(f"a real use asks first: {words}"))
         return
-    pay([words], accepted=opened.arguments.flag(ACCEPT_COST.name), as_json=opened.as_json)
+    pay([words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
 
 
-def _rehearsed(opened: CommandSession, use_request: UseRequest) -> RunReport:
+def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:
     """There and back: the link carries the traffic, a run changes nothing of it, and at the end the order is back."""
     from atlantis_netcfg.operations import Mode
 
-    report = opened.perform(Mode.APPLY)
+    report = session.perform(Mode.APPLY)
     if report.exit:
         return report
-    _see(opened, use_request.bearer.name, "it is in use instead of the declared order")
-    opened.use = None
-    again = opened.perform(Mode.APPLY)
+    _see(session, use_request.bearer.name, "it is in use instead of the declared order")
+    session.use = None
+    again = session.perform(Mode.APPLY)
     if again.exit or any(result["planned"] for result in again.devices.values()):
         return again
-    _tell(opened, "a run of the site changes nothing of it")
-    _wait(opened, use_request.for_s)
-    _see(opened, opened.declaration.sites[opened.site].bearers[0].name, "the declared order is back by itself")
+    _tell(session, "a run of the site changes nothing of it")
+    _wait(session, use_request.for_s)
+    _see(session, session.declaration.sites[session.site].bearers[0].name, "the declared order is back by itself")
     return report
 
 
-def _see(opened: CommandSession, link: str, words: str) -> None:
+def _see(session: CommandSession, link: str, words: str) -> None:
     """Say so when the link carries the traffic of the emulated router. Raises NetcfgError."""
-    from atlantis_netcfg.cli.links import seen
+    from atlantis_netcfg.cli.links import read_links
     from atlantis_netcfg.core.errors import NetcfgError
 
-    active = [status.name for status in seen(opened).bearers if status.active]
+    active = [status.name for status in read_links(session).bearers if status.active]
     if active != [link]:
         raise NetcfgError(f"{link} does not carry the traffic of the emulated router, but {active}")
-    _tell(opened, f"{link} carries the traffic: {words}")
+    _tell(session, f"{link} carries the traffic: {words}")
 
 
-def _tell(opened: CommandSession, words: str) -> None:
-    if not opened.as_json:
+def _tell(session: CommandSession, words: str) -> None:
+    if not session.as_json:
         print(translate(words), flush=True)

@@ -85,7 +85,7 @@ echo "sshd does not read {SSHD}: begin /etc/ssh/sshd_config with the line"
 echo "Include /etc/ssh/sshd_config.d/*.conf"
 exit 1
 """
-_WATCHED = f"""\
+_SET_WATCHDOG = f"""\
 systemctl daemon-reexec || exit 1
 if [ -e {WATCHDOG} ] && ! [ -e /dev/watchdog0 ] && ! [ -e /dev/watchdog ]; then
     echo "this board shows no watchdog (/dev/watchdog0): load its driver, or take watchdog_s out of the declaration"
@@ -98,7 +98,7 @@ STEPS = (
     ConvergeStep("set the host name", ("hostname", "-F", HOSTNAME), (HOSTNAME,)),
     ConvergeStep("set values of the kernel", ("sh", "-c", _SET_KERNEL), (SYSCTL,)),
     ConvergeStep("see that sshd reads its new file", ("sh", "-c", _OBEYS), (SSHD, "/etc/ssh/sshd_config")),
-    ConvergeStep("set the watchdog", ("sh", "-c", _WATCHED), (WATCHDOG,)),
+    ConvergeStep("set the watchdog", ("sh", "-c", _SET_WATCHDOG), (WATCHDOG,)),
 )
 
 CHECKS = (
@@ -116,7 +116,7 @@ class DdsPorts:
 
     domain: int
     ports: range
-    admitted: tuple[str, ...]
+    sources: tuple[str, ...]
     """From where."""
 
 
@@ -129,7 +129,7 @@ class OpenPort:
     transport: Transport
     port: int | str
     """Or a range of them, as nft(8) writes it."""
-    admitted: tuple[str, ...]
+    sources: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class BaseView:
     dds_link: DdsLink | None
     """None: DDS goes over each link of the site."""
     services: tuple[OpenPort, ...]
-    metered: tuple[str, ...]
+    metered_links: tuple[str, ...]
     """Links of the site on which every byte costs."""
     watchdog_s: int | None
     neighbours: tuple[DeclaredNeighbour, ...]
@@ -179,7 +179,7 @@ class BaseView:
     """All that are declared by name: of the LAN and of the radios."""
     radios: tuple[str, ...]
     """Interfaces in the networks of robots, from which and to which nothing is forwarded."""
-    opened: str | None
+    access_point_interface: str | None
     """The one of them that opens a network, and gives its stations their addresses."""
     way_out: WayOut | None
     """None: nothing is forwarded from or to any of them."""
@@ -191,7 +191,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
     assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
-    opened, air = radios.opened_radio(host), radios.interfaces(declaration, host)
+    access_point, air = radios.opened_radio(host), radios.interfaces(declaration, host)
     return BaseView(
         name=host.name,
         site=host.site,
@@ -201,24 +201,24 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
         time_servers=declaration.pilot.time_servers,
         gps=device.gps,
         lan=str(lan),
-        ssh_from=_collapsed((*site.management.admit, lan, vpn)),
+        ssh_from=_collapse((*site.management.admit, lan, vpn)),
         ssh_port=device.ssh.port,
         dds=_dds(declaration, (lan, vpn)),
         dds_link=dds_link(declaration, host),
         services=tuple(_open_ports(declaration, host.name, device, lan)),
-        metered=tuple(bearer.name for bearer in site.bearers if bearer.metered),
+        metered_links=tuple(bearer.name for bearer in site.bearers if bearer.metered),
         watchdog_s=device.watchdog_s,
         neighbours=_neighbours(declaration, host),
         interfaces=(*(() if device.network is None else (device.network.interface,)), *air),
         radios=air,
-        opened=None if opened is None else opened.interface,
-        way_out=None if opened is None or not opened.vpn else _way_out(declaration, opened),
+        access_point_interface=None if access_point is None else access_point.interface,
+        way_out=None if access_point is None or not access_point.vpn else _way_out(declaration, access_point),
     )
 
 
-def _way_out(declaration: Declaration, opened: GatewayAccessPoint) -> WayOut:
+def _way_out(declaration: Declaration, access_point: GatewayAccessPoint) -> WayOut:
     vpn = declaration.pilot.vpn
-    return WayOut(str(opened.network), str(vpn.endpoint), vpn.transport, vpn.port)
+    return WayOut(str(access_point.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
 
 def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | None:
@@ -226,7 +226,7 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
     if dds is None:
         return None
     far = [site.lan.network for site in declaration.sites.values()] if dds.over is DdsPath.LAN else []
-    return DdsPorts(dds.domain, dds.all_ports, _collapsed((*near, *far)))
+    return DdsPorts(dds.domain, dds.all_ports, _collapse((*near, *far)))
 
 
 def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
@@ -238,13 +238,13 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
     ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
     for service in device.services:
         pools = (declaration.partners[partner].vpn_pool for partner in service.partners)
-        admitted = _collapsed((*(ours[network] for network in service.open_to), *pools))
-        if service.port is not None and admitted:
-            yield OpenPort(service.name, service.transport, service.port, admitted)
-    everybody = _collapsed((vpn.network, *(site.lan.network for site in declaration.sites.values())))
-    for offered in vpn.services:
-        if offered.host == host:
-            yield OpenPort(offered.name, offered.transport, offered.port, everybody)
+        sources = _collapse((*(ours[network] for network in service.open_to), *pools))
+        if service.port is not None and sources:
+            yield OpenPort(service.name, service.transport, service.port, sources)
+    everybody = _collapse((vpn.network, *(site.lan.network for site in declaration.sites.values())))
+    for vpn_service in vpn.services:
+        if vpn_service.host == host:
+            yield OpenPort(vpn_service.name, vpn_service.transport, vpn_service.port, everybody)
     if device.vpn_address is not None:
         yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
     if (qualify := measured_at(host, declaration.pilot)) is not None:
@@ -261,18 +261,18 @@ _EPHEMERAL = "32768-60999"
 def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[OpenPort]:
     """What vehicles send without being asked, and the checklist listens to: the autopilot's stream, by MAVLink."""
     site = declaration.hosts[host].site
-    computer, tested = declaration.computer_of(site), declaration.sites[site].checklist.vehicles
+    computer, vehicle_keys = declaration.computer_of(site), declaration.sites[site].checklist.vehicles
     if computer is None or computer.name != host:
         return
-    for key in declaration.vehicles if tested is None else tested:
+    for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
         endpoints = declaration.vehicles[key].endpoints
         wifi, stream = endpoints.wifi, endpoints.rc_rf
         if stream is not None and stream.seen_from is SeenFrom.GATEWAY:
-            joined = () if wifi is None or wifi.client is None else (wifi.client.network,)
-            yield OpenPort(f"remote control of {key}", Transport.UDP, stream.port, _collapsed((lan, *joined)))
+            wifi_networks = () if wifi is None or wifi.client is None else (wifi.client.network,)
+            yield OpenPort(f"remote control of {key}", Transport.UDP, stream.port, _collapse((lan, *wifi_networks)))
 
 
-def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
+def _collapse(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
     """Without those that lie in others: nft refuses overlapping elements of a set."""
     return tuple(str(network) for network in collapse_addresses(networks))
 
@@ -280,7 +280,7 @@ def _collapsed(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
 def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour, ...]:
     """Those of the LAN by their addresses there, gateways and servers of other sites by those in the VPN."""
     lan = declaration.sites[host.site].lan
-    found = {
+    neighbours = {
         reservation.name: DeclaredNeighbour(reservation.name, str(reservation.address), lan.domain)
         for reservation in lan.reservations
     }
@@ -288,11 +288,11 @@ def _neighbours(declaration: Declaration, host: Host) -> tuple[DeclaredNeighbour
         address = getattr(other.device, "address", None)
         tunnel = getattr(other.device, "vpn_address", None)
         if other.site == host.site and address is not None and address in lan.network:
-            found[name] = DeclaredNeighbour(name, str(address), lan.domain)
+            neighbours[name] = DeclaredNeighbour(name, str(address), lan.domain)
         elif other.site != host.site and tunnel is not None:
-            found[name] = DeclaredNeighbour(name, str(tunnel), None)
-    found.pop(host.name, None)
-    return tuple(found.values())
+            neighbours[name] = DeclaredNeighbour(name, str(tunnel), None)
+    neighbours.pop(host.name, None)
+    return tuple(neighbours.values())
 
 
 PACKAGES = ("chrony", "fake-hwclock", "iputils-ping", "iw", "locales", "nftables", "openssh-server", "tzdata")
@@ -307,7 +307,7 @@ _CHRONY = "/etc/chrony/chrony.conf"
 _FIREWALL = "/etc/nftables.conf"
 _GPS = "/etc/default/gpsd"
 _JOURNAL = "/etc/systemd/journald.conf.d/atlantis.conf"
-_RESOLVED = "/etc/systemd/resolved.conf.d/60-atlantis.conf"
+_RESOLVED_CONF = "/etc/systemd/resolved.conf.d/60-atlantis.conf"
 """Of a program that not every computer has: elsewhere nobody reads it."""
 
 
@@ -345,17 +345,17 @@ class GatewayBase:
 
 
 def gateway_base(
-    declaration: Declaration, host: Host, *, rehearsed: bool = False, images: Mapping[str, str] | None = None
+    declaration: Declaration, host: Host, *, is_rehearsal: bool = False, images: Mapping[str, str] | None = None
 ) -> GatewayBase:
     """Pure. In a rehearsal the network of a computer is that of this machine, which its tools do not own.
 
     `images`: of a rehearsal, name of a service to the SHA-256 of the archive that stands for its image.
     """
     assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
-    network = None if rehearsed else computer_network(declaration, host)
+    network = None if is_rehearsal else computer_network(declaration, host)
     if not isinstance(host.device, ServerComputer):
         return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
-    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, rehearsed=rehearsed)
+    view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, is_rehearsal=is_rehearsal)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)
     more = (*hosted.packages(host.device), *retrieval_packages(declaration, host))
     packages = (*PACKAGES, *(("gpsd",) if view.gps is not None else ()), *more)
@@ -373,14 +373,14 @@ def gateway_base(
             checks=(*CHECKS, *air.checks),
             way_in=WayIn(admit=view.ssh_from, port=view.ssh_port, key=True, hint=_hint(view)),
         )
-        .joined(reflector(host))
-        .joined(dds_link_unit(view.dds_link))
-        .joined(far_end(host.name, declaration.pilot))
-        .joined(hosted.services(host.device, images))
-        .joined(retrieval(declaration, host, rehearsed=rehearsed)),
+        .merge(reflector(host))
+        .merge(dds_link_unit(view.dds_link))
+        .merge(far_end(host.name, declaration.pilot))
+        .merge(hosted.services(host.device, images))
+        .merge(retrieval(declaration, host, is_rehearsal=is_rehearsal)),
         network=network,
         secrets=air.secrets,
-        own_secret=None if air.opened is None else air.opened.placeholder,
+        own_secret=None if air.access_point is None else air.access_point.placeholder,
         service_secrets=hosted.secret_words(host.device),
         qualify_secret=None if measured_at(host.name, declaration.pilot) is None else QUALIFY_SECRET,
     )
@@ -398,7 +398,7 @@ def _files(view: BaseView) -> Iterator[File]:
         _file(view, "/etc/apt/apt.conf.d/90atlantis", "apt.conf.j2", ("apt-config", "-c", "%s", "dump")),
         _file(view, _JOURNAL, "journald.conf.j2"),
         _file(view, SYSCTL, "sysctl.conf.j2"),
-        _file(view, _RESOLVED, "resolved.conf.j2"),
+        _file(view, _RESOLVED_CONF, "resolved.conf.j2"),
         File(CLOUD_INIT, "# atlantis: name, address and accounts are those of the declaration.\n"),
         File(
             _FIREWALL,
@@ -431,7 +431,7 @@ def _text(view: BaseView, template: str) -> str:
 def _units(view: BaseView) -> Iterator[Unit]:
     yield from (
         Unit("systemd-journald.service", after=(_JOURNAL,)),
-        Unit("systemd-resolved.service", after=(_RESOLVED,)),
+        Unit("systemd-resolved.service", after=(_RESOLVED_CONF,)),
         Unit("systemd-timesyncd.service", enabled=False, active=False),
         Unit("chrony.service", enabled=True, active=True, after=(_CHRONY,)),
         Unit("nftables.service", enabled=True, active=True, after=(_FIREWALL,), reload=True),

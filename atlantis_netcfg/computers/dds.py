@@ -36,13 +36,13 @@ from atlantis_netcfg.inventory.model import (
 )
 from atlantis_netcfg.links.standing_traffic import (
     Announcing,
+    CycloneHeartbeats,
     DdsMessages,
     DdsSizes,
     HeartbeatsNowAndThen,
-    HeartbeatsUntilAcknowledged,
     VpnHeaders,
 )
-from atlantis_netcfg.routeros.render import compiled, environment, template_folder
+from atlantis_netcfg.routeros.render import environment, get_template_cache, template_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -78,7 +78,7 @@ def _environment(templates: Path) -> Environment:
     """Undefined names are errors; in XML values are escaped."""
     return Environment(
         loader=FileSystemLoader(templates),
-        bytecode_cache=compiled(__file__),
+        bytecode_cache=get_template_cache(__file__),
         undefined=StrictUndefined,
         autoescape=select_autoescape(enabled_extensions=("xml.j2",)),
         trim_blocks=True,
@@ -135,8 +135,8 @@ GAP_S = 70
 
 
 SIZES: Mapping[RosMiddleware, DdsSizes] = {
-    RosMiddleware.CYCLONE_DDS: DdsSizes(380, repeated=False, sample_head=84, reliability=HeartbeatsUntilAcknowledged()),
-    RosMiddleware.FAST_DDS: DdsSizes(484, repeated=True, sample_head=160, reliability=HeartbeatsNowAndThen()),
+    RosMiddleware.CYCLONE_DDS: DdsSizes(380, has_repeat=False, sample_head=84, reliability=CycloneHeartbeats()),
+    RosMiddleware.FAST_DDS: DdsSizes(484, has_repeat=True, sample_head=160, reliability=HeartbeatsNowAndThen()),
 }
 """Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes), Fast DDS 2.9; no ROS node.
 
@@ -210,7 +210,7 @@ class ProfileView:
     @property
     def announced_mb_a_day(self) -> float:
         """What one ROS process sends to stay known, in 10^6 bytes a day: reckoned, not measured on this link."""
-        return replace(self.announcing, processes=1).sent(len(self.peers) - 1, self.vpn) / 1e6
+        return replace(self.announcing, processes=1).announcement_bytes(len(self.peers) - 1, self.vpn) / 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,11 +232,11 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
 
     `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
     """
-    dds = _declared(declaration)
+    dds = _require_dds(declaration)
     if not isinstance(host.device, ServerComputer):
         there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, ServerComputer))
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
-    chosen = _release(release or dds.distribution)
+    dds_release = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
     local = next(entry for entry in all_of_them if entry.name == host.name)
     reachable = [peer for peer in all_of_them if local.everywhere or peer.everywhere or peer.site in {None, host.site}]
@@ -246,7 +246,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
         ProfileView(
             host=host.name,
             bearer=bearer.name,
-            release=chosen,
+            release=dds_release,
             middleware=dds.middleware,
             domain=dds.domain,
             address=local.address,
@@ -281,7 +281,7 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
 
     On a fast link it is tuned as on a mobile one: what carries the tunnel's other end is not known.
     """
-    dds = _declared(declaration)
+    dds = _require_dds(declaration)
     return ProfileView(
         host=member.name,
         bearer="the VPN",
@@ -310,7 +310,7 @@ def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) 
     return TUNING[max(each.traits.pace for each in {kind, *far})]
 
 
-def _declared(declaration: Declaration) -> Dds:
+def _require_dds(declaration: Declaration) -> Dds:
     if declaration.pilot.dds is None:
         raise UsageError("the pilot declares no DDS", hint="write `dds: {distribution: foxy}` below `pilot:`")
     return declaration.pilot.dds
@@ -334,12 +334,12 @@ def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
     ]
     result += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
     if dds.over is DdsPath.LAN:
-        known = {participant.address for participant in result}
+        known_addresses = {participant.address for participant in result}
         result += [
             _DdsHost(reservation.name, str(reservation.address), name, everywhere=False)
             for name, site in declaration.sites.items()
             for reservation in site.lan.reservations
-            if reservation.name in declaration.vehicles and str(reservation.address) not in known
+            if reservation.name in declaration.vehicles and str(reservation.address) not in known_addresses
         ]
     return result
 

@@ -26,11 +26,11 @@ _PACKAGES = ("ca-certificates", "cmake", "git")
 """Besides the declared ones; the report leaves them out. colcon comes with ROS 2."""
 _TEST_S = 15
 _USER = "/usr/lib/sysusers.d/atlantis-interop.conf"
-_SOURCED = "/usr/local/lib/atlantis/interop.sh"
+_SETUP_SCRIPT = "/usr/local/lib/atlantis/interop.sh"
 _COMMAND = "/usr/local/lib/atlantis/data-gateway"
 _UNIT = f"/etc/systemd/system/{SERVICE}"
 _LOGS = "/etc/tmpfiles.d/atlantis-interop.conf"
-_BUILT = f"{PREFIX}/current/build.json"
+_BUILD_RECORD = f"{PREFIX}/current/build.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
             File(_USER, f'u {USER} - "ATLANTIS data gateway" /var/lib/{USER}\n'),
             # ROS writes a log for every process, and removes none.
             File(_LOGS, f"d /var/log/{USER} 0750 {USER} {USER} 14d\n"),
-            File(_SOURCED, _render("interop.sh.j2", ros=ros), validate=("sh", "-n", "%s")),
+            File(_SETUP_SCRIPT, _render("interop.sh.j2", ros=ros), validate=("sh", "-n", "%s")),
         )
     if interop is not None and interop.service is not None:
         command = _render("data-gateway.sh.j2", service=interop.service)
@@ -96,22 +96,22 @@ def _configuration(interop: Interop | None, ros: str) -> Configuration:
             File(_COMMAND, command, mode="0755", validate=("sh", "-n", "%s"), hint=_NO_COMMAND),
             File(_UNIT, _render("data-gateway.service.j2", service=interop.service)),
         )
-    laid = {file.path for file in files}
-    units = (Unit(SERVICE, enabled=True, after=(_UNIT, _COMMAND, _SOURCED, _BUILT), wait=False),)
+    file_paths = {file.path for file in files}
+    units = (Unit(SERVICE, enabled=True, after=(_UNIT, _COMMAND, _SETUP_SCRIPT, _BUILD_RECORD), wait=False),)
     return Configuration(
         files=files,
-        absent=tuple(path for path in (_UNIT, _COMMAND, _SOURCED, _LOGS) if path not in laid),
+        absent=tuple(path for path in (_UNIT, _COMMAND, _SETUP_SCRIPT, _LOGS) if path not in file_paths),
         steps=(
             ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
             ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
             with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
         ),
-        units=units if _UNIT in laid else (),
-        checks=_CHECKS if _UNIT in laid else (),
+        units=units if _UNIT in file_paths else (),
+        checks=_CHECKS if _UNIT in file_paths else (),
     )
 
 
-_BOUNDED = """\
+_CHECK_CPU_QUOTA = """\
 [ -e /sys/fs/cgroup/cpu/cpu.cfs_quota_us ] && exit 0
 for bound in /sys/fs/cgroup/*/cpu.max; do
     [ ! -e "$bound" ] || exit 0
@@ -121,7 +121,7 @@ done
 """Whether `CPUQuota=` is enforced: a file of either kind of control groups; without a group yet, the kernel's build."""
 _CHECKS = (
     Check(
-        ("sh", "-c", _BOUNDED),
+        ("sh", "-c", _CHECK_CPU_QUOTA),
         "`cpu_percent` of the data gateway is not enforced: nothing here shows that the kernel was built with "
         "CONFIG_CFS_BANDWIDTH",
         "take a kernel that has it; until then look at what the data gateway takes: `systemd-cgtop` on the computer",
@@ -131,7 +131,7 @@ _NO_COMMAND = "look at `command` of `service:`: a quotation mark may be missing"
 
 
 def _render(template: str, **values: object) -> str:
-    names = {"prefix": PREFIX, "sourced": _SOURCED, "command": _COMMAND, "user": USER, "environment": ENVIRONMENT}
+    names = {"prefix": PREFIX, "sourced": _SETUP_SCRIPT, "command": _COMMAND, "user": USER, "environment": ENVIRONMENT}
     return environment().get_template(f"gateway/{template}").render(**names, interface=VPN_INTERFACE, **values)
 
 
@@ -142,9 +142,9 @@ def _connection_test(interop: Interop) -> dict[str, Any] | None:
     return {
         "program": f"{examples}/build/{interop.connection_test.program}",
         "config": f"{examples}/{interop.connection_test.config}",
-        "sourced": _SOURCED,
+        "sourced": _SETUP_SCRIPT,
         "environment": ENVIRONMENT,
-        "built": _BUILT,
+        "built": _BUILD_RECORD,
         "user": USER,
         "interface": VPN_INTERFACE,
         "seconds": _TEST_S,

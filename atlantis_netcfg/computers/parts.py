@@ -46,7 +46,7 @@ def run_on(file: str, *program: str) -> tuple[str, ...]:
 class Configuration(DesiredState):
     """The parameters of `atlantis.netcfg.configure`."""
 
-    def joined(self, more: Configuration) -> Configuration:
+    def merge(self, more: Configuration) -> Configuration:
         """Both in one round of the link; the way in stays this one's."""
         lists = (item.name for item in fields(self) if item.name != "way_in")
         both: dict[str, Any] = {name: (*getattr(self, name), *getattr(more, name)) for name in lists}

@@ -50,7 +50,7 @@ ACCEPT_SUPPLICANT = (
 """wpa_supplicant cannot only check a file: here it reads it, tells what it does not understand, and finds no radio."""
 
 
-def quoted(ssid: str) -> str:
+def quote_ssid(ssid: str) -> str:
     """The name of a network in quotes where it is plain, else as hexadecimal digits (wpa_supplicant.conf)."""
     return f'"{ssid}"' if ssid.isascii() and ssid.isprintable() else ssid.encode().hex()
 
@@ -66,7 +66,7 @@ class AccessPoint:
     @property
     def ssid(self) -> str:
         """As wpa_supplicant takes it."""
-        return quoted(self.wifi.ssid or "")
+        return quote_ssid(self.wifi.ssid or "")
 
     @property
     def pattern(self) -> str:
@@ -140,7 +140,7 @@ class OpenedNetwork:
     @property
     def ssid(self) -> str:
         """As hostapd takes it in `ssid2` (hostapd.conf)."""
-        return quoted(self.radio.ssid)
+        return quote_ssid(self.radio.ssid)
 
     @property
     def channel(self) -> int:
@@ -155,9 +155,9 @@ class OpenedNetwork:
 
 def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
     """Every radio in a network of robots."""
-    opened = opened_radio(host)
+    access_point = opened_radio(host)
     names = [radio.interface for radio in radios(declaration, host)]
-    return tuple(names if opened is None else [*names, opened.interface])
+    return tuple(names if access_point is None else [*names, access_point.interface])
 
 
 def opened_radio(host: Host) -> GatewayAccessPoint | None:
@@ -169,14 +169,14 @@ def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
     """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
     if not isinstance(host.device, Gateway):
         return ()
-    tested = declaration.sites[host.site].checklist.vehicles
-    found: dict[str, list[AccessPoint]] = {}
-    for key in declaration.vehicles if tested is None else tested:
+    vehicle_keys = declaration.sites[host.site].checklist.vehicles
+    access_points: dict[str, list[AccessPoint]] = {}
+    for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
         wifi = declaration.vehicles[key].endpoints.wifi
-        joined = wifi is not None and wifi.role is WifiRole.ACCESS_POINT and wifi.seen_from is SeenFrom.GATEWAY
-        if wifi is not None and joined and wifi.key is not None:
-            found.setdefault(wifi.interface, []).append(AccessPoint(key, wifi))
-    return tuple(JoiningRadio(interface, tuple(found[interface])) for interface in sorted(found))
+        should_join = wifi is not None and wifi.role is WifiRole.ACCESS_POINT and wifi.seen_from is SeenFrom.GATEWAY
+        if wifi is not None and should_join and wifi.key is not None:
+            access_points.setdefault(wifi.interface, []).append(AccessPoint(key, wifi))
+    return tuple(JoiningRadio(interface, tuple(access_points[interface])) for interface in sorted(access_points))
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,22 +186,22 @@ class GatewayRadios:
     radios: tuple[JoiningRadio, ...]
     country: str
     """ISO 3166-1: its law holds for the radios."""
-    opened: OpenedNetwork | None = None
+    access_point: OpenedNetwork | None = None
     """The one that is an access point."""
-    rehearsed: bool = False
+    is_rehearsal: bool = False
     """A machine of a rehearsal has no radio, and says so."""
 
     @property
     def packages(self) -> tuple[Package, ...]:
         """What runs a radio."""
         joining = (Package("wpasupplicant"),) if self.radios else ()
-        return joining if self.opened is None else (*joining, Package("hostapd"))
+        return joining if self.access_point is None else (*joining, Package("hostapd"))
 
     @property
     def absent(self) -> tuple[str, ...]:
         """Units that nothing needs."""
-        needed = {UNIT: bool(self.radios), ACCESS_POINT_UNIT: self.opened is not None}
-        return tuple(path for path, there in needed.items() if not there)
+        needs_by_unit = {UNIT: bool(self.radios), ACCESS_POINT_UNIT: self.access_point is not None}
+        return tuple(path for path, there in needs_by_unit.items() if not there)
 
     @property
     def files(self) -> Iterator[File]:
@@ -213,24 +213,29 @@ class GatewayRadios:
                 yield File(path, _render("radio.network.j2", radio=radio, item=item))
         if self.radios:
             yield File(UNIT, _render("radio.service.j2", folder=FOLDER))
-        if self.opened is not None:
-            text = _render("access-point.conf.j2", opened=self.opened, country=self.country)
-            yield File(self.opened.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
-            yield File(ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER, opened=self.opened))
-            yield File(self.opened.network, _render("access-point.network.j2", opened=self.opened))
+        if self.access_point is not None:
+            text = _render("access-point.conf.j2", access_point=self.access_point, country=self.country)
+            yield File(self.access_point.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
+            yield File(
+                ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER, access_point=self.access_point)
+            )
+            yield File(self.access_point.network, _render("access-point.network.j2", access_point=self.access_point))
 
     @property
     def _running(self) -> list[tuple[str, str, str, str]]:
         """Interface, unit, the unit's file, and the file that its program reads."""
         joining = [(radio.interface, radio.unit, UNIT, radio.file) for radio in self.radios]
-        if self.opened is None:
+        if self.access_point is None:
             return joining
-        return [*joining, (self.opened.interface, self.opened.unit, ACCESS_POINT_UNIT, self.opened.file)]
+        return [
+            *joining,
+            (self.access_point.interface, self.access_point.unit, ACCESS_POINT_UNIT, self.access_point.file),
+        ]
 
     @property
     def _networks(self) -> tuple[str, ...]:
-        joined = [path for radio in self.radios for path in radio.networks]
-        return tuple(joined if self.opened is None else [*joined, self.opened.network])
+        network_paths = [path for radio in self.radios for path in radio.networks]
+        return tuple(network_paths if self.access_point is None else [*network_paths, self.access_point.network])
 
     @property
     def steps(self) -> tuple[ConvergeStep, ...]:
@@ -255,7 +260,7 @@ class GatewayRadios:
         """A radio that is not plugged in is not waited for; with one that is, systemd-networkd starts."""
         for _, unit, file, read in self._running:
             yield Unit(unit, enabled=True, after=(file, read), wait=False)
-        if self.opened is not None:
+        if self.access_point is not None:
             # Debian's own, which reads another file; it would take every radio of that file.
             yield Unit("hostapd.service", enabled=False, active=False)
 
@@ -263,19 +268,19 @@ class GatewayRadios:
     def brought(self) -> tuple[Brought, ...]:
         """A radio is a thing that a person plugs in."""
         notes = {radio.interface: self._joins(radio) for radio in self.radios}
-        if self.opened is not None:
-            notes[self.opened.interface] = self._opens(self.opened)
+        if self.access_point is not None:
+            notes[self.access_point.interface] = self._opens(self.access_point)
         return tuple(Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
     def _joins(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
-        if self.rehearsed:
+        if self.is_rehearsal:
             return f"not rehearsed: {name} joins the access point of {vehicles}, for this machine has no radio"
         return f"there is no radio {name} here, which joins the access point of {vehicles}: plug it in"
 
-    def _opens(self, opened: OpenedNetwork) -> str:
-        name, ssid = opened.interface, opened.radio.ssid
-        if self.rehearsed:
+    def _opens(self, access_point: OpenedNetwork) -> str:
+        name, ssid = access_point.interface, access_point.radio.ssid
+        if self.is_rehearsal:
             return f"not rehearsed: {name} opens the network {ssid}, for this machine has no radio"
         return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
 
@@ -295,12 +300,12 @@ class GatewayRadios:
         return {item.placeholder: item.vehicle for radio in self.radios for item in radio.access_points}
 
 
-def gateway_radios(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> GatewayRadios:
+def gateway_radios(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> GatewayRadios:
     """Pure. Of another computer: none, so that what stands there of ours is taken away."""
     country = channels.COUNTRY_CODES[declaration.pilot.country]
-    opened = opened_radio(host)
+    access_point = opened_radio(host)
     return GatewayRadios(
-        radios(declaration, host), country, None if opened is None else OpenedNetwork(opened), rehearsed
+        radios(declaration, host), country, None if access_point is None else OpenedNetwork(access_point), is_rehearsal
     )
 
 

@@ -33,13 +33,13 @@ def packages(release: str) -> tuple[str, ...]:
     )
 
 
-def recording(declared: Recording | None, release: str) -> Configuration:
+def recording(config: Recording | None, release: str) -> Configuration:
     """Pure. None: what is taken away."""
-    files = tuple(_files(declared, release)) if declared is not None else ()
-    laid = {file.path for file in files}
+    files = tuple(_files(config, release)) if config is not None else ()
+    file_paths = {file.path for file in files}
     return Configuration(
         files=files,
-        absent=tuple(path for path in (_UNIT, _PROGRAM, _ACCOUNT, _FOLDER) if path not in laid),
+        absent=tuple(path for path in (_UNIT, _PROGRAM, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
             ConvergeStep("make the recording's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             ConvergeStep("make the recording's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
@@ -50,21 +50,21 @@ def recording(declared: Recording | None, release: str) -> Configuration:
     )
 
 
-def _files(declared: Recording, release: str) -> tuple[File, ...]:
-    words = (f"/opt/ros/{release}/setup.sh", declared.folder, str(declared.budget_mb), *declared.topics)
-    started = StartedService(
+def _files(config: Recording, release: str) -> tuple[File, ...]:
+    words = (f"/opt/ros/{release}/setup.sh", config.folder, str(config.budget_mb), *config.topics)
+    service = StartedService(
         name=SERVICE,
         title="recording",
         user=USER,
-        folder=declared.folder,
+        folder=config.folder,
         command=f"/usr/bin/python3 {_PROGRAM} {' '.join(words)}",
         stop_s=_CLOSE_S,
         ends_itself=True,
         dds=True,
     )
     return (
-        File(_ACCOUNT, f'u {USER} - "ATLANTIS recording" {declared.folder}\n'),
-        File(_FOLDER, f"d {declared.folder} 0750 {USER} {USER} -\n"),
+        File(_ACCOUNT, f'u {USER} - "ATLANTIS recording" {config.folder}\n'),
+        File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
         File(_PROGRAM, environment().get_template("gateway/recording.py").render()),
-        started.unit(),
+        service.unit(),
     )

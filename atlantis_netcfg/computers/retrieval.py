@@ -18,7 +18,7 @@ import json
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.inventory.model import COLLECTED, RetrievalRobot, ServerComputer
+from atlantis_netcfg.inventory.model import COLLECTION_FOLDER, RetrievalRobot, ServerComputer
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -83,17 +83,17 @@ def line_for_robot(declaration: Declaration, robot: RetrievalRobot) -> str:
     return f'restrict,command="rrsync -ro {robot.folder}" {kind} {key} {robot.host}'
 
 
-def retrieval(declaration: Declaration, host: Host, *, rehearsed: bool = False) -> Configuration:
+def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> Configuration:
     """Pure. Where nothing is declared of a computer: what is taken away. In a rehearsal it has another host key."""
-    declared, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
-    sends = () if declared is None or not sources else _sender(declaration, host, declared, sources)
-    takes = () if declared is None or declared.to != host.name else _receiver(declaration, declared)
+    config, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
+    sends = () if config is None or not sources else _sender(declaration, host, config, sources)
+    takes = () if config is None or config.to != host.name else _receiver(declaration, config)
     files = (*sends, *takes)
-    laid = {file.path for file in files}
+    file_paths = {file.path for file in files}
     ours = (_UNIT, PROGRAM, _ROBOT_PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
     return Configuration(
         files=files,
-        absent=tuple(path for path in ours if path not in laid),
+        absent=tuple(path for path in ours if path not in file_paths),
         steps=(
             ConvergeStep("take the retrieval of recordings away", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
             ConvergeStep("make the account of recordings", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
@@ -101,18 +101,18 @@ def retrieval(declaration: Declaration, host: Host, *, rehearsed: bool = False) 
             ConvergeStep("let sshd admit gateways, or no more", ("systemctl", "reload", "ssh.service"), (_SSHD,)),
         ),
         units=(Unit(SERVICE, enabled=True),) if sends else (),
-        checks=(_key_check(host),) if files and not rehearsed else (),
+        checks=(_key_check(host),) if files and not is_rehearsal else (),
     )
 
 
 def _sender(
-    declaration: Declaration, host: Host, declared: Retrieval, sources: tuple[RetrievalSource | RetrievalRobot, ...]
+    declaration: Declaration, host: Host, config: Retrieval, sources: tuple[RetrievalSource | RetrievalRobot, ...]
 ) -> tuple[File, ...]:
-    centre, device = _computer(declaration, declared.to), _computer(declaration, host.name)
+    centre, device = _computer(declaration, config.to), _computer(declaration, host.name)
     settings = {
         "from": str(device.vpn_address),
         "from_host": host.name,
-        "to": declared.to,
+        "to": config.to,
         "address": str(centre.vpn_address),
         "port": centre.ssh.port,
         "user": USER,
@@ -120,15 +120,15 @@ def _sender(
         "sources": {source.name: _source(declaration, source) for source in sources},
     }
     robots = [source for source in sources if isinstance(source, RetrievalRobot)]
-    known = [(declared.to, centre.ssh.host_key), *((robot.robot, robot.host_key) for robot in robots)]
+    host_keys = [(config.to, centre.ssh.host_key), *((robot.robot, robot.host_key) for robot in robots)]
     templates = environment()
     unit = templates.get_template("gateway/retrieval.service.j2")
     return (
         File(_SETTINGS, json.dumps(settings, indent=1) + "\n"),
-        File(_KNOWN_HOSTS, "".join(f"{name} {key}\n" for name, key in known)),
+        File(_KNOWN_HOSTS, "".join(f"{name} {key}\n" for name, key in host_keys)),
         File(PROGRAM, templates.get_template("gateway/retrieval.py").render()),
         File(_ROBOT_PROGRAM, templates.get_template("gateway/retrieval_robot.py").render()),
-        File(_UNIT, unit.render(program=PROGRAM, state=STATE, collected=COLLECTED)),
+        File(_UNIT, unit.render(program=PROGRAM, state=STATE, collected=COLLECTION_FOLDER)),
     )
 
 
@@ -136,7 +136,7 @@ def _source(declaration: Declaration, source: RetrievalSource | RetrievalRobot) 
     if not isinstance(source, RetrievalRobot):
         return {"folder": source.folder}
     return {
-        "folder": f"{COLLECTED}/{source.robot}",
+        "folder": f"{COLLECTION_FOLDER}/{source.robot}",
         "budget": source.budget_mb * 1_000_000,
         "robot_address": robot_address(declaration, source),
         "robot_port": source.port,
@@ -144,17 +144,17 @@ def _source(declaration: Declaration, source: RetrievalSource | RetrievalRobot) 
     }
 
 
-def _receiver(declaration: Declaration, declared: Retrieval) -> tuple[File, ...]:
+def _receiver(declaration: Declaration, config: Retrieval) -> tuple[File, ...]:
     lines = []
-    for host in dict.fromkeys(source.host for source in declared.all_sources):
+    for host in dict.fromkeys(source.host for source in config.all_sources):
         device = _computer(declaration, host)
         names = ",".join(source.name for source in sources_of(declaration, host))
-        command = f"/usr/bin/python3 -I {_RECEIVER} {names} {declared.folder} {declared.budget_mb}"
+        command = f"/usr/bin/python3 -I {_RECEIVER} {names} {config.folder} {config.budget_mb}"
         kind, key = (device.ssh.host_key or "").split(" ")[:2]
         lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {host}\n')
     return (
-        File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {declared.folder} /bin/sh\n'),
-        File(_FOLDER, f"d {declared.folder} 0750 {USER} {USER} -\n"),
+        File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {config.folder} /bin/sh\n'),
+        File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
         File(_KEYS, "".join(lines)),
         File(_SSHD, _MATCH, validate=("sshd", "-t", "-f", "%s")),
         File(_RECEIVER, environment().get_template("gateway/retrieval_receive.py").render()),

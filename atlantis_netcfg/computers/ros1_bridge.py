@@ -41,13 +41,13 @@ def packages(release: str) -> tuple[str, ...]:
     return f"ros-{release}-ros1-bridge", f"ros-{ROS1}-ros-comm"
 
 
-def ros1_bridge(declared: Ros1Bridge | None, release: str) -> Configuration:
+def ros1_bridge(config: Ros1Bridge | None, release: str) -> Configuration:
     """Pure. None, or one in a container: what is taken away."""
-    files = tuple(_files(declared, release)) if declared is not None and declared.archive is None else ()
-    laid = {file.path for file in files}
+    files = tuple(_files(config, release)) if config is not None and config.archive is None else ()
+    file_paths = {file.path for file in files}
     return Configuration(
         files=files,
-        absent=tuple(path for path in (_UNIT, _PROGRAM, _TOPICS, _ACCOUNT, _FOLDER) if path not in laid),
+        absent=tuple(path for path in (_UNIT, _PROGRAM, _TOPICS, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
             ConvergeStep("make the bridge's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
             ConvergeStep("make the bridge's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
@@ -58,23 +58,23 @@ def ros1_bridge(declared: Ros1Bridge | None, release: str) -> Configuration:
     )
 
 
-def _files(declared: Ros1Bridge, release: str) -> tuple[File, ...]:
-    started = StartedService(
+def _files(config: Ros1Bridge, release: str) -> tuple[File, ...]:
+    service = StartedService(
         name=SERVICE,
         title="bridge to ROS 1",
         user=_USER,
         folder=_HOME,
         command=f"/bin/sh {_PROGRAM}",
-        memory_mb=declared.memory_mb,
+        memory_mb=config.memory_mb,
         dds=True,
     )
     template = environment().get_template("gateway/ros1_bridge.sh.j2")
-    topics = _TOPICS if declared.topics else ""
-    program = template.render(bridge=declared, ros1=f"/opt/ros/{ROS1}", ros2=f"/opt/ros/{release}", topics=topics)
+    topics = _TOPICS if config.topics else ""
+    program = template.render(bridge=config, ros1=f"/opt/ros/{ROS1}", ros2=f"/opt/ros/{release}", topics=topics)
     return (
         File(_ACCOUNT, f'u {_USER} - "ATLANTIS bridge to ROS 1" {_HOME}\n'),
         File(_FOLDER, f"d {_HOME} 0750 {_USER} {_USER} -\n"),
         File(_PROGRAM, program, validate=("sh", "-n", "%s")),
-        *((File(_TOPICS, bridged_topics(declared)),) if topics else ()),
-        started.unit(),
+        *((File(_TOPICS, bridged_topics(config)),) if topics else ()),
+        service.unit(),
     )

@@ -66,23 +66,23 @@ class ArchiveKey:
     """What a technician should know of it."""
 
 
-def archive_key(inventory: Path, archive: Archive, declared: str | None, now: datetime) -> ArchiveKey:
+def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: datetime) -> ArchiveKey:
     """Read the declared key, or the archive's own, which has to be the one that we know. Raises UsageError."""
-    name = declared or archive.key_file
+    name = key_file or archive.key_file
     path = inventory / FOLDER / name
     content = _read(path, archive)
     try:
-        found = public_keys(content)
+        keys = public_keys(content)
         packets = binary(content)
     except NotAKey as why:
         raise UsageError(f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch(archive)) from None
-    if len(found) != 1:
+    if len(keys) != 1:
         raise UsageError(
-            f"{FOLDER}/{name} of the inventory holds {len(found)} keys, and an archive is signed by one",
+            f"{FOLDER}/{name} of the inventory holds {len(keys)} keys, and an archive is signed by one",
             hint=f"gpg --export --armor {archive.fingerprint} > {path}",
         )
-    key = found[0]
-    if declared is None and key.fingerprint != archive.fingerprint:
+    key = keys[0]
+    if key_file is None and key.fingerprint != archive.fingerprint:
         raise UsageError(
             f"{FOLDER}/{name} of the inventory is another key: {key.fingerprint}, not {archive.fingerprint}",
             hint=f"{_fetch(archive)}; if the archive has a new key, ask who keeps it, and declare it as `key_file`",
@@ -263,7 +263,7 @@ def gateway_ros2(
         )
     release = RELEASES[dds.distribution]
     today = now or datetime.now(UTC)
-    notes: tuple[str | None, ...] = (_ended(release, today),)
+    notes: tuple[str | None, ...] = (_end_of_life_note(release, today),)
     if stand_in is None:
         archive = _archive(release, ros2)
         key, url, codename, system = (
@@ -275,12 +275,15 @@ def gateway_ros2(
     else:
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
         notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
-    declared = host.device.recording if isinstance(host.device, Gateway) else None
-    bridged = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
-    more = (*(() if declared is None else recorder(release.name)), *(bridge(release.name) if bridged else ()))
+    recording_config = host.device.recording if isinstance(host.device, Gateway) else None
+    has_bridge_package = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
+    more = (
+        *(() if recording_config is None else recorder(release.name)),
+        *(bridge(release.name) if has_bridge_package else ()),
+    )
     packages = tuple(_packages(release, ros2, dds, more))
     urls = {_SOURCE: ("ROS 2", url)}
-    if bridged and stand_in is None:
+    if has_bridge_package and stand_in is None:
         urls[_SOURCE_ROS1] = "ROS 1", str(ros2.ros1_mirror or release.ros1[ros2.origin])
     return GatewayRos2(
         packages=packages,
@@ -298,8 +301,8 @@ def gateway_ros2(
         codename=codename,
         distribution=system,
         configuration=_configuration(release, dds, packages)
-        .joined(recording(declared, release.name))
-        .joined(ros1_bridge(host.device.ros1_bridge, release.name)),
+        .merge(recording(recording_config, release.name))
+        .merge(ros1_bridge(host.device.ros1_bridge, release.name)),
         notes=tuple(note for note in (*notes, key.note) if note is not None),
     )
 
@@ -308,7 +311,7 @@ def _archive(release: RosRelease, ros2: Ros2) -> Archive:
     """The declared archive; a mirror of a snapshot is signed by the key of the snapshots."""
     archive = release.archives.get(ros2.origin)
     if archive is None and ros2.mirror is not None:
-        archive = next(found for row in RELEASES.values() if (found := row.archives.get(ros2.origin)) is not None)
+        archive = next(match for row in RELEASES.values() if (match := row.archives.get(ros2.origin)) is not None)
     if archive is None:
         raise UsageError(
             f"there is no final snapshot of {release.name}: it has not ended yet",
@@ -318,7 +321,7 @@ def _archive(release: RosRelease, ros2: Ros2) -> Archive:
     return archive
 
 
-def _ended(release: RosRelease, today: datetime) -> str | None:
+def _end_of_life_note(release: RosRelease, today: datetime) -> str | None:
     if today.date() <= release.ends:
         return None
     return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"

@@ -150,20 +150,24 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
 
     `images`: a rehearsal's archives, name of a service -> SHA-256.
     """
-    hosted = {service.name: made for service in computer.services if (made := _hosted(service)) is not None}
+    service_by_name = {
+        service.name: started_service
+        for service in computer.services
+        if (started_service := _build_service(service)) is not None
+    }
     if computer.ros1_bridge is not None and computer.ros1_bridge.archive is not None:
-        hosted[ROS1_BRIDGE] = _bridge(computer.ros1_bridge, computer.ros1_bridge.archive)
+        service_by_name[ROS1_BRIDGE] = _bridge(computer.ros1_bridge, computer.ros1_bridge.archive)
     for name, sha256 in (images or {}).items():
-        if (declared := hosted[name].container) is not None:
-            hosted[name] = replace(hosted[name], container=replace(declared, sha256=sha256))
-    boxes = [each.container for each in hosted.values() if each.container is not None]
-    files = tuple(_files(hosted.values())) if hosted else ()
-    laid = {file.path for file in files}
+        if (container := service_by_name[name].container) is not None:
+            service_by_name[name] = replace(service_by_name[name], container=replace(container, sha256=sha256))
+    boxes = [each.container for each in service_by_name.values() if each.container is not None]
+    files = tuple(_files(service_by_name.values())) if service_by_name else ()
+    file_paths = {file.path for file in files}
     programs = [(each, each.program) for each in computer.services if each.program is not None]
     return Configuration(
         directories=(Directory(containers.IMAGES, mode="0700"),) if boxes else (),
         files=files,
-        absent=tuple(path for path in (LIST, _ACCOUNTS, _FOLDERS) if path not in laid),
+        absent=tuple(path for path in (LIST, _ACCOUNTS, _FOLDERS) if path not in file_paths),
         only=(containers.FOLDER,),
         steps=(
             ConvergeStep("make the accounts of services", run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)),
@@ -174,23 +178,23 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
             ),
             *(box.step() for box in boxes),
             ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
-            *(with_the_vpn(START_BRIDGE, each.name) for each in hosted.values() if each.dds),
+            *(with_the_vpn(START_BRIDGE, each.name) for each in service_by_name.values() if each.dds),
         ),
-        units=(*(containers.UNITS if boxes else ()), *map(_started, hosted.values())),
+        units=(*(containers.UNITS if boxes else ()), *map(_build_unit, service_by_name.values())),
         brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in programs),
         checks=(
             *(box.check() for box in boxes),
-            *(check for service in computer.services if service.started is not None for check in _checks(service)),
-            *(runs_with_the_vpn(BRIDGE_RUNS_NOT, each.name) for each in hosted.values() if each.dds),
+            *(check for service in computer.services if service.workload is not None for check in _checks(service)),
+            *(runs_with_the_vpn(BRIDGE_RUNS_NOT, each.name) for each in service_by_name.values() if each.dds),
         ),
     )
 
 
 def packages(computer: ServerComputer) -> tuple[str, ...]:
     """What runs containers, where one is declared."""
-    declared = any(service.container is not None for service in computer.services)
+    has_container = any(service.container is not None for service in computer.services)
     bridge = computer.ros1_bridge
-    return containers.PACKAGES if declared or (bridge is not None and bridge.archive is not None) else ()
+    return containers.PACKAGES if has_container or (bridge is not None and bridge.archive is not None) else ()
 
 
 def secret_word(service: str, variable: str) -> str:
@@ -213,44 +217,44 @@ def _stem(name: str) -> str:
     return f"atlantis-service-{name}"
 
 
-def _hosted(service: HostedService) -> StartedService | None:
-    started = service.started
-    if started is None:
+def _build_service(service: HostedService) -> StartedService | None:
+    runtime = service.workload
+    if runtime is None:
         return None
-    user, folder = started.user or f"svc-{service.name}", started.data or f"/var/lib/svc-{service.name}"
+    user, folder = runtime.user or f"svc-{service.name}", runtime.data or f"/var/lib/svc-{service.name}"
     box: PodmanContainer | None = None
-    if isinstance(started, ServiceContainer):
-        box = _container(service, started, user, folder)
+    if isinstance(runtime, ServiceContainer):
+        box = _container(service, runtime, user, folder)
         command = f"{box.script} run"
     else:
-        command = started.command
+        command = runtime.command
     return StartedService(
         name=f"{_stem(service.name)}.service",
         title=f"service {service.name}",
         user=user,
         folder=folder,
         command=command,
-        memory_mb=started.memory_mb,
-        restart=started.restart.value,
+        memory_mb=runtime.memory_mb,
+        restart=runtime.restart.value,
         ends_itself=box is not None,
         is_privileged=_is_privileged(service),
         container=box,
     )
 
 
-def _container(service: HostedService, declared: ServiceContainer, user: str, folder: str) -> PodmanContainer:
+def _container(service: HostedService, config: ServiceContainer, user: str, folder: str) -> PodmanContainer:
     variables = tuple(
         (each.name, secret_word(service.name, each.name) if each.value is None else each.value)
-        for each in declared.environment
+        for each in config.environment
     )
     return PodmanContainer(
         name=_stem(service.name),
         service=service.name,
-        archive=declared.archive,
-        sha256=declared.sha256.lower(),
+        archive=config.archive,
+        sha256=config.sha256.lower(),
         user=user,
-        arguments=declared.arguments or "",
-        volumes=(f"{folder}:{declared.data_at}",),
+        arguments=config.arguments or "",
+        volumes=(f"{folder}:{config.data_at}",),
         variables=variables,
         is_privileged=_is_privileged(service),
     )
@@ -271,15 +275,13 @@ _ALL_TOPICS = "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics"
 _DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge parameter_bridge'"
 
 
-def bridged_topics(declared: Ros1Bridge) -> str:
+def bridged_topics(config: Ros1Bridge) -> str:
     """The parameter `topics` of the master, from where the bridge takes them; empty: all."""
-    rows = "".join(
-        f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in declared.topics
-    )
+    rows = "".join(f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in config.topics)
     return f"topics:\n{rows}" if rows else ""
 
 
-def _bridge(declared: Ros1Bridge, archive: str) -> StartedService:
+def _bridge(config: Ros1Bridge, archive: str) -> StartedService:
     """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
     user, stem = f"svc-{ROS1_BRIDGE}", _stem(ROS1_BRIDGE)
     topics = f"{containers.FOLDER}/{stem}.yaml"
@@ -287,14 +289,14 @@ def _bridge(declared: Ros1Bridge, archive: str) -> StartedService:
         name=stem,
         service=ROS1_BRIDGE,
         archive=archive,
-        sha256=(declared.sha256 or "").lower(),
+        sha256=(config.sha256 or "").lower(),
         user=user,
-        arguments=_DECLARED_TOPICS.format(topics=topics) if declared.topics else _ALL_TOPICS,
-        volumes=(f"{PROFILES}:{PROFILES}:ro", *((f"{topics}:{topics}:ro",) if declared.topics else ())),
-        variables=(("ROS_MASTER_URI", declared.master_uri), ("HOME", _SCRATCH), ("ROS_LOG_DIR", f"{_SCRATCH}/log")),
+        arguments=_DECLARED_TOPICS.format(topics=topics) if config.topics else _ALL_TOPICS,
+        volumes=(f"{PROFILES}:{PROFILES}:ro", *((f"{topics}:{topics}:ro",) if config.topics else ())),
+        variables=(("ROS_MASTER_URI", config.master_uri), ("HOME", _SCRATCH), ("ROS_LOG_DIR", f"{_SCRATCH}/log")),
         env_files=(ENVIRONMENT,),
-        topics=bridged_topics(declared),
-        master=declared.master,
+        topics=bridged_topics(config),
+        master=config.master,
     )
     return StartedService(
         name=f"{stem}.service",
@@ -302,15 +304,15 @@ def _bridge(declared: Ros1Bridge, archive: str) -> StartedService:
         user=user,
         folder=f"/var/lib/{user}",
         command=f"{box.script} run",
-        memory_mb=declared.memory_mb,
+        memory_mb=config.memory_mb,
         ends_itself=True,
         dds=True,
         container=box,
     )
 
 
-def _files(hosted: Iterable[StartedService]) -> Iterator[File]:
-    each_one = tuple(hosted)
+def _files(all_services: Iterable[StartedService]) -> Iterator[File]:
+    each_one = tuple(all_services)
     accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.folder}\n' for each in each_one}
     yield File(_ACCOUNTS, "".join(accounts.values()))
     yield File(_FOLDERS, "".join(f"d {each.folder} 0750 {each.user} {each.user} -\n" for each in each_one))
@@ -321,7 +323,7 @@ def _files(hosted: Iterable[StartedService]) -> Iterator[File]:
             yield from each.container.files()
 
 
-def _started(service: StartedService) -> Unit:
+def _build_unit(service: StartedService) -> Unit:
     """One that lives with the VPN's interface is started by that."""
     box = service.container
     after = (service.path, *(file.path for file in (box.files() if box is not None else ())))

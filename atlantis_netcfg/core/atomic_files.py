@@ -34,13 +34,13 @@ def write_atomically(  # noqa: PLR0913 - what a file has besides its content
     data: bytes,
     *,
     mode: int | None = 0o600,
-    modified: int | None = None,
+    modified_at: int | None = None,
     durable: bool = True,
     replace: bool = True,
 ) -> None:
     """Write a file so that a reader sees the old bytes or the new ones, never a part; on disk when this returns.
 
-    `mode`: None for a file of a person, as the umask has it. `modified`: its time, in seconds. Without `durable` a
+    `mode`: None for a file of a person, as the umask has it. `modified_at`: its time, in seconds. Without `durable` a
     power cut may take it back. Without `replace`: raises FileExistsError if anything has the name.
     """
     remove_orphans(path)
@@ -49,8 +49,8 @@ def write_atomically(  # noqa: PLR0913 - what a file has besides its content
         if mode is not None:
             os.fchmod(descriptor, mode)
         write_all(descriptor, data)
-        if modified is not None:
-            os.utime(descriptor, (modified, modified))
+        if modified_at is not None:
+            os.utime(descriptor, (modified_at, modified_at))
         if durable:
             os.fsync(descriptor)
         if replace:

@@ -28,7 +28,7 @@ _JOINTS = ("; ", ". ", ": ", " : ", " (")
 """What our own code puts between messages."""
 _REFUSAL = "failure: "
 """With it RouterOS begins most of its refusals, which stay in its own words."""
-_ADVISED = "advised_command_"
+_COMMAND_PREFIX = "advised_command_"
 _WORD = re.compile(r"\w+")
 _OWN_WORD = re.compile(r"(?<![\w\0])\w+(?![\w\0])")
 """A word that no value touches, where NUL stands for the values."""
@@ -43,8 +43,8 @@ _MARK = re.compile(r"^ *(?:-> |\d+\. )")
 _COLUMNS = re.compile(r"(?<=\S)( {2,})(?=\S)")
 _COMMAND = re.compile(r"(?<=`)provision [^`]*(?=`)|(?<=: )\s*provision [a-z][^`]*$")
 """A command that a hint advises: whoever prints it may have filled in the site and the folder of the inventory."""
-_QUOTED = r'"[^"\\\n]*(?:\\.[^"\\\n]*)*"\n'
-_ENTRY = re.compile(rf"^((?:#.*\n)*)msgid ((?:{_QUOTED})+)msgstr ((?:{_QUOTED})+)", re.MULTILINE)
+_QUOTED_LINES = r'"[^"\\\n]*(?:\\.[^"\\\n]*)*"\n'
+_ENTRY = re.compile(rf"^((?:#.*\n)*)msgid ((?:{_QUOTED_LINES})+)msgstr ((?:{_QUOTED_LINES})+)", re.MULTILINE)
 _FUZZY = re.compile(r"^#,.*\bfuzzy\b", re.MULTILINE)
 _ESCAPE = re.compile(r"\\(.)")
 _PARSE = Formatter().parse
@@ -60,15 +60,15 @@ def read(path: Path) -> dict[str, str]:
     for notes, msgid, msgstr in _ENTRY.findall(path.read_text(encoding="utf-8") + "\n"):
         if "fuzzy" in notes and _FUZZY.search(notes):
             continue
-        text, translation = _unquoted(msgid), _unquoted(msgstr)
+        text, translation = _unquote(msgid), _unquote(msgstr)
         if text and translation:
             result[text] = translation
     return result
 
 
-def _unquoted(text: str) -> str:
-    joined = text[1:-2].replace('"\n"', "")
-    return _ESCAPE.sub(lambda escape: _ESCAPES.get(escape[1], escape[1]), joined) if "\\" in joined else joined
+def _unquote(text: str) -> str:
+    inner = text[1:-2].replace('"\n"', "")
+    return _ESCAPE.sub(lambda escape: _ESCAPES.get(escape[1], escape[1]), inner) if "\\" in inner else inner
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,8 @@ class Template:
         """Take it apart; a command in it is a value as well."""
         commands = _COMMAND.findall(msgid) if "provision " in msgid else ()
         for place, command in enumerate(dict.fromkeys(commands)):
-            msgid = msgid.replace(command, f"{{{_ADVISED}{place}}}")
-            translation = translation.replace(command, f"{{{_ADVISED}{place}}}")
+            msgid = msgid.replace(command, f"{{{_COMMAND_PREFIX}{place}}}")
+            translation = translation.replace(command, f"{{{_COMMAND_PREFIX}{place}}}")
         literals, names = [""], []
         for literal, name, _, _ in _PARSE(msgid):
             literals[-1] += literal
@@ -108,20 +108,22 @@ class Template:
     @cached_property
     def verbatim(self) -> tuple[bool, ...]:
         """Of each value, whether it is a command or stands between backquotes."""
-        quoted = ("".join(self.literals[: place + 1]).count("`") % 2 == 1 for place in range(len(self.names)))
-        return tuple(name.startswith(_ADVISED) or inside for name, inside in zip(self.names, quoted, strict=True))
+        quote_flags = ("".join(self.literals[: place + 1]).count("`") % 2 == 1 for place in range(len(self.names)))
+        return tuple(
+            name.startswith(_COMMAND_PREFIX) or inside for name, inside in zip(self.names, quote_flags, strict=True)
+        )
 
     def words(self) -> Iterable[str]:
         """Words of its own that stand as whole words in any text that is this message."""
         result: list[str] = _OWN_WORD.findall("\0".join(self.literals))
         return result
 
-    def filled(self, values: Sequence[str]) -> str:
+    def fill(self, values: Sequence[str]) -> str:
         """The translation with these values in it."""
-        given = dict(zip(self.names, values, strict=True))
+        value_by_name = dict(zip(self.names, values, strict=True))
         pieces = []
         for literal, name, _, _ in _PARSE(self.translation):
-            pieces.append(literal + (given.get(name, "") if name is not None else ""))
+            pieces.append(literal + (value_by_name.get(name, "") if name is not None else ""))
         return "".join(pieces)
 
 
@@ -146,7 +148,7 @@ class Catalogue:
             if template.names:
                 templates.append(template)
             else:
-                self._whole[template.literals[0]] = template.filled(())
+                self._whole[template.literals[0]] = template.fill(())
         # Most letters of its own first, then most signs; of as many, in the order of their texts.
         templates.sort(key=lambda item: (-item.letters, -sum(map(len, item.literals)), item.literals))
         self._ranks = {id(template): rank for rank, template in enumerate(templates)}
@@ -186,12 +188,12 @@ class Catalogue:
         """A message, or messages with one of the joints between them; None where nothing of it is known."""
         if text in self._known:
             return self._known[text]
-        return self._kept(self._known, text, self._look_up(text))
+        return self._remember(self._known, text, self._look_up(text))
 
-    def _kept(self, found: dict[str, str | None], text: str, result: str | None) -> str | None:
+    def _remember(self, cache: dict[str, str | None], text: str, result: str | None) -> str | None:
         """The result, remembered unless it may be missing only because the line was too long to be read to its end."""
         if self._tried <= _MOST_TRIED:
-            found[text] = result
+            cache[text] = result
         return result
 
     def _look_up(self, text: str) -> str | None:
@@ -200,7 +202,7 @@ class Catalogue:
             return message
         if len(text) > _LONGEST:
             return message
-        return self._list(text) or message or self._joined(text)
+        return self._list(text) or message or self._translate_joint(text)
 
     def _message(self, text: str) -> str | None:
         if text in self._found:
@@ -208,9 +210,9 @@ class Catalogue:
         self._tried += 1
         if self._tried > _MOST_TRIED:
             return self._whole.get(text)
-        return self._kept(self._found, text, self._whole.get(text) or self._filled(text))
+        return self._remember(self._found, text, self._whole.get(text) or self._fill_template(text))
 
-    def _filled(self, text: str) -> str | None:
+    def _fill_template(self, text: str) -> str | None:
         for template in self._candidates(text):
             if len(text) > _LONGEST and len("".join(template.literals)) * 4 < len(text):
                 continue
@@ -219,22 +221,25 @@ class Catalogue:
             if match is not None and values is not None:
                 if None in values or any(map(self._may_be_a_list, match.groups())):
                     self._unsure.add(text)
-                given = [value if known is None else known for value, known in zip(match.groups(), values, strict=True)]
-                filled = template.filled(given)
-                return filled if given == list(match.groups()) else self._contracted(filled)
+                new_values = [
+                    value if translation is None else translation
+                    for value, translation in zip(match.groups(), values, strict=True)
+                ]
+                result = template.fill(new_values)
+                return result if new_values == list(match.groups()) else self._contract(result)
         return None
 
     def _may_be_a_list(self, value: str) -> bool:
         return ", " in value and not _is_data(value) and value.strip() not in self._whole
 
-    def _contracted(self, text: str) -> str:
+    def _contract(self, text: str) -> str:
         return self._pairs.sub(lambda pair: self._contractions[pair[0]], text) if self._pairs else text
 
     def _candidates(self, text: str) -> list[Template]:
-        found = list(self._others)
+        candidates = list(self._others)
         for word in set(_WORD.findall(text)):
-            found.extend(self._by_word.get(word, ()))
-        return sorted(found, key=lambda template: self._ranks[id(template)])
+            candidates.extend(self._by_word.get(word, ()))
+        return sorted(candidates, key=lambda template: self._ranks[id(template)])
 
     def _values(self, template: Template, values: Sequence[str]) -> list[str | None] | None:
         """The values in the person's language, None for those that are unknown.
@@ -246,18 +251,18 @@ class Catalogue:
             if verbatim or (" " not in value.strip() and template.letters >= _FEW):
                 read.append(value)
                 continue
-            known = self._value(value)
-            if known is None and (template.letters < _SURE or not _is_whole(value)):
+            translation = self._value(value)
+            if translation is None and (template.letters < _SURE or not _is_whole(value)):
                 return None
-            read.append(known)
+            read.append(translation)
         return read
 
     def _value(self, value: str) -> str | None:
         text = value.strip()
         if _is_data(text) or text.startswith(_REFUSAL):
             return value
-        known = self._text(text) if " " in text else None
-        return None if known is None else value.replace(text, known, 1)
+        translation = self._text(text) if " " in text else None
+        return None if translation is None else value.replace(text, translation, 1)
 
     def _list(self, text: str) -> str | None:
         """Messages with `, ` between them, all of them known, of which data such as `12.4 kB` need not be."""
@@ -267,13 +272,13 @@ class Catalogue:
             return self._lists[text]
         if self._tried > _MOST_TRIED:
             return None
-        return self._kept(self._lists, text, self._of_list(text))
+        return self._remember(self._lists, text, self._of_list(text))
 
     def _of_list(self, text: str) -> str | None:
         if text in self._whole:
             return None
-        for found in reversed(list(re.finditer(", ", text))):
-            left, right = text[: found.start()], text[found.end() :]
+        for match in reversed(list(re.finditer(", ", text))):
+            left, right = text[: match.start()], text[match.end() :]
             if self._tried > _MOST_TRIED:
                 return None
             if left.count("`") % 2:
@@ -284,15 +289,15 @@ class Catalogue:
                 return f"{first}{rest}"
         return None
 
-    def _joined(self, text: str) -> str | None:
+    def _translate_joint(self, text: str) -> str | None:
         for joint in _JOINTS:
-            for found in re.finditer(re.escape(joint), text):
+            for match in re.finditer(re.escape(joint), text):
                 if self._tried > _MOST_TRIED:
                     return None
-                if text.count("`", 0, found.start()) % 2 == 0:
-                    joined = self._parts(text[: found.start()], joint, text[found.end() :])
-                    if joined is not None:
-                        return joined
+                if text.count("`", 0, match.start()) % 2 == 0:
+                    result = self._parts(text[: match.start()], joint, text[match.end() :])
+                    if result is not None:
+                        return result
         return None
 
     def _parts(self, left: str, joint: str, right: str) -> str | None:
@@ -301,10 +306,10 @@ class Catalogue:
         if joint == ". ":
             left, joint = f"{left}.", " "
         first, rest = self._sentence(left), self._sentence(right)
-        led = self._piece(f"{joint}{right}") if joint == "; " else None
-        if led is None and first is None and rest is None:
+        joint_piece = self._piece(f"{joint}{right}") if joint == "; " else None
+        if joint_piece is None and first is None and rest is None:
             return None
-        return f"{first or left}{led or f'{joint}{rest or right}'}"
+        return f"{first or left}{joint_piece or f'{joint}{rest or right}'}"
 
     def _in_parentheses(self, left: str, right: str) -> str | None:
         if not right.endswith(")"):
@@ -327,7 +332,7 @@ class Catalogue:
 
     def _sentence(self, text: str) -> str | None:
         """A piece of a text: a message, or messages that are joined."""
-        return self._list(text) or self._piece(text) or (self._joined(text) if " " in text.strip() else None)
+        return self._list(text) or self._piece(text) or (self._translate_joint(text) if " " in text.strip() else None)
 
     def _piece(self, text: str) -> str | None:
         """One message of several words."""
@@ -347,13 +352,13 @@ def _is_data(text: str) -> bool:
 def _index(templates: Sequence[Template]) -> tuple[dict[str, list[Template]], list[Template]]:
     """Templates by the rarest of their words; and those that have none."""
     words = {id(template): set(template.words()) for template in templates}
-    number = Counter(word for found in words.values() for word in found)
+    number = Counter(word for word_set in words.values() for word in word_set)
     by_word: dict[str, list[Template]] = {}
     others = []
     for template in templates:
-        found = words[id(template)]
-        if found:
-            by_word.setdefault(min(found, key=lambda word: (number[word], word)), []).append(template)
+        word_set = words[id(template)]
+        if word_set:
+            by_word.setdefault(min(word_set, key=lambda word: (number[word], word)), []).append(template)
         else:
             others.append(template)
     return by_word, others

@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class Crashed(NetcfgError):
+class InternalError(NetcfgError):
     """Something that nobody foresaw; `str()` and `hint` are what a person may see of it."""
 
 
-def crashed(error: BaseException, doing: str, state: Callable[[], Path]) -> Crashed:
+def report_crash(error: BaseException, doing: str, state: Callable[[], Path]) -> InternalError:
     """Write the traceback below the state directory and say so; without a place for it, name the cause instead."""
     message = f"provision itself failed ({type(error).__name__}): this is our fault, not a mistake of yours"
     try:
@@ -30,7 +30,7 @@ def crashed(error: BaseException, doing: str, state: Callable[[], Path]) -> Cras
         hint = f"please send us the log file {write_log(text, doing, state())}"
     except (NetcfgError, OSError) as no_log:
         hint = f"no log file could be written ({no_log}); the cause was: {error}"
-    return Crashed(message, hint=hint)
+    return InternalError(message, hint=hint)
 
 
 def write_log(text: str, doing: str, state: Path) -> Path:

@@ -25,7 +25,7 @@ class ExitCode(IntEnum):
     NOTHING = 7
 
     @property
-    def unproved(self) -> ExitCode:
+    def unproven_code(self) -> ExitCode:
         """The code of what ended so, where that could not be proved or recorded: never a green one."""
         return ExitCode.CHECKS_FAILED if self in (ExitCode.DONE, ExitCode.CHANGES) else self
 
@@ -50,8 +50,8 @@ WORST_FIRST = (
 
 def worst(codes: Iterable[ExitCode]) -> ExitCode:
     """The code that needs somebody most; NOTHING where nothing else is among them (docs/exit-codes.md)."""
-    found = frozenset(codes)
-    return next((code for code in WORST_FIRST if code in found), ExitCode.NOTHING)
+    code_set = frozenset(codes)
+    return next((code for code in WORST_FIRST if code in code_set), ExitCode.NOTHING)
 
 
 def complete(text: str, *, site: str, device: str = "") -> str:
@@ -81,13 +81,13 @@ class UsageError(NetcfgError):
     exit = ExitCode.USAGE
 
 
-class NothingMatched(NetcfgError, LookupError):
+class NoMatchError(NetcfgError, LookupError):
     """A site, host or run that does not exist: never a green nothing."""
 
     exit = ExitCode.NOTHING
 
 
-class DeviceFailed(NetcfgError):
+class DeviceError(NetcfgError):
     """The device is as it was before: refused, rolled back, or never touched."""
 
     exit = ExitCode.FAILED
@@ -103,11 +103,11 @@ _ALIKE = 0.65
 """Ratio of difflib from which on two words count as one of them mistyped."""
 
 
-def nearest(word: str, known: Iterable[str]) -> str | None:
+def nearest(word: str, candidates: Iterable[str]) -> str | None:
     """The known word nearest to `word`, or None; neither case counts, nor which of `-`, `_` and space stands."""
     from difflib import get_close_matches  # noqa: PLC0415 - only errors need it
 
-    by_key = {_key(candidate): candidate for candidate in known}
+    by_key = {_key(candidate): candidate for candidate in candidates}
     close = get_close_matches(_key(word), by_key, n=1, cutoff=_ALIKE)
     return by_key[close[0]] if close else None
 

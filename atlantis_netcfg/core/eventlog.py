@@ -25,8 +25,8 @@ def write_all(descriptor: int, data: bytes) -> None:
 
 def split(data: bytes) -> tuple[list[bytes], bytes]:
     """The whole lines of a file without their ends, and the rest: a line whose writer was killed, or nothing."""
-    *lines, torn = data.split(b"\n")
-    return lines, torn
+    *lines, rest = data.split(b"\n")
+    return lines, rest
 
 
 class EventLog:

@@ -29,7 +29,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One thing that happened to one device; `done` of `total` actions are confirmed.
+    """One thing that happened to one device; `done_count` of `total` actions are confirmed.
 
     `limit_s`: after so many seconds without another event it is given up; 0 where there is no such limit.
     """
@@ -37,7 +37,7 @@ class Event:
     device: str
     stage: Stage
     message: str
-    done: int = 0
+    done_count: int = 0
     total: int = 0
     data: Mapping[str, Any] = field(default_factory=dict)
     limit_s: float = 0.0

@@ -53,18 +53,18 @@ _CONTRACTIONS = {
 }
 """What a preposition and an article become where the article is the first word of a value."""
 
-_chosen = Language.ENGLISH
+_current_language = Language.ENGLISH
 
 
 def use(language: Language) -> None:
     """Address people in this language from now on, in this process."""
-    global _chosen  # noqa: PLW0603 - a process speaks one language, as gettext's own does
-    _chosen = language
+    global _current_language  # noqa: PLW0603 - a process speaks one language, as gettext's own does
+    _current_language = language
 
 
 def current() -> Language:
     """The language in which people are addressed."""
-    return _chosen
+    return _current_language
 
 
 def of_environment(environment: Mapping[str, str] = os.environ) -> Language:
@@ -75,7 +75,7 @@ def of_environment(environment: Mapping[str, str] = os.environ) -> Language:
     return Language.ENGLISH
 
 
-def named(name: str) -> Language:
+def parse_language(name: str) -> Language:
     """The language that `--lang` names, as `pt` or `pt_PT`. Raises UsageError."""
     for language in Language:
         if name.lower().replace("-", "_").partition("_")[0] == language:
@@ -100,4 +100,4 @@ def translate(text: str) -> str:
 
     Also several messages, one a line, or with `; ` or `: ` between them. Values in them stay as they are.
     """
-    return text if _chosen is Language.ENGLISH else _catalogue(_chosen).translate(text)
+    return text if _current_language is Language.ENGLISH else _catalogue(_current_language).translate(text)

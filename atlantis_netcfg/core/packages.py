@@ -41,13 +41,13 @@ def installed_version(name: str) -> str | None:
         return None
 
 
-def drift(pins: Mapping[str, str], installed: Callable[[str], str | None] = installed_version) -> list[str]:
+def drift(pins: Mapping[str, str], version_of: Callable[[str], str | None] = installed_version) -> list[str]:
     """What is not as pinned, in a few words each."""
-    found = {name: installed(name) for name in pins}
+    versions = {name: version_of(name) for name in pins}
     return [
-        f"{name} is missing" if found[name] is None else f"{name} is {found[name]}, pinned is {version}"
+        f"{name} is missing" if versions[name] is None else f"{name} is {versions[name]}, pinned is {version}"
         for name, version in pins.items()
-        if found[name] != version
+        if versions[name] != version
     ]
 
 
@@ -60,7 +60,7 @@ def drift_of(checkout: Path) -> list[str]:
     return drift(pinned_packages(text))
 
 
-def listed(wrong: list[str], most: int = 3) -> str:
+def summarise(wrong: list[str], most: int = 3) -> str:
     """Some of them in words, and how many more there are."""
     more = f"; and {len(wrong) - most} more" if len(wrong) > most else ""
     return f"{'; '.join(wrong[:most])}{more}"

@@ -34,7 +34,7 @@ def state_dir(environ: Mapping[str, str] | None = None) -> Path:
 
 def state_place(environ: Mapping[str, str] | None = None) -> Path:
     """Where the state directory is or would be: nothing is made. UsageError when there is no place for it."""
-    return _chosen(os.environ if environ is None else environ)
+    return _state_path(os.environ if environ is None else environ)
 
 
 def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
@@ -52,9 +52,9 @@ def cache_dir(environ: Mapping[str, str] | None = None) -> Path:
 
 def cache_place(environ: Mapping[str, str] | None = None) -> Path:
     """Where the cache is or would be: nothing is made. UsageError when there is no place for it."""
-    known = os.environ if environ is None else environ
-    cache_home = Path(known.get("XDG_CACHE_HOME", ""))
-    home = cache_home if cache_home.is_absolute() else _home(known, "the cache", _CACHE_HINT) / ".cache"
+    environment = os.environ if environ is None else environ
+    cache_home = Path(environment.get("XDG_CACHE_HOME", ""))
+    home = cache_home if cache_home.is_absolute() else _home(environment, "the cache", _CACHE_HINT) / ".cache"
     return home / "atlantis"
 
 
@@ -66,11 +66,12 @@ def private_cache(name: str) -> Path | None:
     try:
         folder = cache_dir() / name
         folder.mkdir(mode=0o700, exist_ok=True)
-        found = [place.lstat() for place in (folder.parent, folder)]
+        place_stats = [place.lstat() for place in (folder.parent, folder)]
     except (OSError, UsageError):
         return None
     ours = all(
-        stat.S_ISDIR(place.st_mode) and place.st_uid == os.geteuid() and not place.st_mode & 0o022 for place in found
+        stat.S_ISDIR(place.st_mode) and place.st_uid == os.geteuid() and not place.st_mode & 0o022
+        for place in place_stats
     )
     return folder if ours else None
 
@@ -107,15 +108,15 @@ def hold_own(folder: Path, hint: str) -> None:
     Whoever owns it can exchange what lies in it: pins, journals, the key that signs. A link may also be root's.
     """
     me = os.geteuid()
-    for owner, allowed in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
-        if owner not in allowed:
+    for owner, allowed_owners in ((folder.lstat().st_uid, (me, 0)), (folder.stat().st_uid, (me,))):
+        if owner not in allowed_owners:
             raise UsageError(
                 f"{folder} belongs to {_name(owner)}, who can change what is kept in it, and not to {_user()}",
                 hint=hint,
             )
 
 
-def _chosen(environ: Mapping[str, str]) -> Path:
+def _state_path(environ: Mapping[str, str]) -> Path:
     """Where the state directory is, or would be made; UsageError when there is no place for it."""
     if local := environ.get("ATLANTIS_STATE"):
         return Path(local).absolute()

@@ -25,7 +25,7 @@ _BMP = 0xFFFF
 
 def line(text: str) -> str:
     """Text of one line."""
-    return text if text.isprintable() else "".join(item if item.isprintable() else _escaped(item) for item in text)
+    return text if text.isprintable() else "".join(item if item.isprintable() else _escape(item) for item in text)
 
 
 def lines(text: str) -> str:
@@ -38,16 +38,16 @@ def below(text: str, column: int) -> str:
     return text.replace("\n", f"\n{'':<{column}}")
 
 
-def cleaned(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
+def clean(value: Any) -> Any:  # noqa: ANN401 - JSON of any shape
     """Data for another program that prints it, as Ansible does."""
     if isinstance(value, str):
         return lines(value)
     if isinstance(value, Mapping):
-        return {line(key) if isinstance(key, str) else key: cleaned(entry) for key, entry in value.items()}
-    return [cleaned(item) for item in value] if isinstance(value, list | tuple) else value
+        return {line(key) if isinstance(key, str) else key: clean(entry) for key, entry in value.items()}
+    return [clean(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def _escaped(character: str) -> str:
+def _escape(character: str) -> str:
     code = ord(character)
     if code <= _BMP:
         return f"\\u{code:04x}"
@@ -57,7 +57,7 @@ def _escaped(character: str) -> str:
 
 def visible(text: str) -> str:
     """Text for a page, where what cannot be seen is written out as `U+202E`."""
-    return _UNSEEN.sub(lambda found: f"U+{ord(found[0]):04X}", text.replace("\r\n", "\n"))
+    return _UNSEEN.sub(lambda match: f"U+{ord(match[0]):04X}", text.replace("\r\n", "\n"))
 
 
 class _PrintableStream(Protocol):
@@ -110,21 +110,21 @@ class Style(Enum):
     GOOD = "32"
     WARNING = "33"
     BAD = "31"
-    ADDED = "32;1"
-    REMOVED = "31;1"
+    ADDITION = "32;1"
+    REMOVAL = "31;1"
     TITLE = "1"
     QUIET = "2"
 
 
 @dataclass(frozen=True, slots=True)
-class Styled:
+class StyledText:
     """A piece of a line, with its style."""
 
     text: str
     style: Style
 
 
-Row = str | Styled | tuple[str | Styled, ...]
+Row = str | StyledText | tuple[str | StyledText, ...]
 """A line for `show`: text, or its pieces."""
 
 
@@ -138,7 +138,7 @@ def plain(row: Row) -> str:
     return "".join(piece if isinstance(piece, str) else piece.text for piece in pieces)
 
 
-def wrapped(row: Row, width: int, indent: int) -> list[Row]:
+def wrap_row(row: Row, width: int, indent: int) -> list[Row]:
     """A line as lines of at most `width` columns, broken between words; 0: as it is. Words that are longer stay whole.
 
     All but the first begin at column `indent`.
@@ -146,22 +146,22 @@ def wrapped(row: Row, width: int, indent: int) -> list[Row]:
     if not width or all(len(line) <= width for line in plain(row).split("\n")):
         return [row]
     pieces = row if isinstance(row, tuple) else (row,)
-    found: list[list[str | Styled]] = [[]]
+    result: list[list[str | StyledText]] = [[]]
     used = 0
     for piece in pieces:
         text = piece if isinstance(piece, str) else piece.text
         for word in re.findall(r"\n *|[^\s]+|[^\S\n]+", text):
             if word.startswith("\n") or (used + len(word) > width and used > indent):
-                found.append([" " * indent])
+                result.append([" " * indent])
                 used = indent
                 if word.isspace():
                     continue
-            found[-1].append(word if isinstance(piece, str) else Styled(word, piece.style))
+            result[-1].append(word if isinstance(piece, str) else StyledText(word, piece.style))
             used += len(word)
-    return [_without_blanks(line) for line in found]
+    return [_without_blanks(line) for line in result]
 
 
-def _without_blanks(pieces: list[str | Styled]) -> Row:
+def _without_blanks(pieces: list[str | StyledText]) -> Row:
     """A line that ends with its last word: blanks in the last column would make a line of their own."""
     while len(pieces) > 1 and not plain((pieces[-1],)).strip():
         pieces.pop()
@@ -173,21 +173,21 @@ def shows_colour(stream: Any, environment: Mapping[str, str] = os.environ) -> bo
     return bool(stream.isatty()) and not environment.get("NO_COLOR") and environment.get("TERM", "dumb") != "dumb"
 
 
-def painted(rows: Iterable[Row], *, colour: bool) -> str:
+def paint(rows: Iterable[Row], *, colour: bool) -> str:
     """Lines as they are written to a terminal, with or without colours. Only styles are obeyed: texts are filtered."""
     return "".join(
-        "".join(_painted(piece, colour=colour) for piece in (row if isinstance(row, tuple) else (row,))) + "\n"
+        "".join(_paint_piece(piece, colour=colour) for piece in (row if isinstance(row, tuple) else (row,))) + "\n"
         for row in rows
     )
 
 
 def show(rows: Iterable[Row], stream: Any) -> None:  # noqa: ANN401 - any text stream
     """Write lines, coloured where the stream shows colours."""
-    getattr(stream, "stream", stream).write(painted(rows, colour=shows_colour(stream)))
+    getattr(stream, "stream", stream).write(paint(rows, colour=shows_colour(stream)))
     stream.flush()
 
 
-def _painted(piece: str | Styled, *, colour: bool) -> str:
+def _paint_piece(piece: str | StyledText, *, colour: bool) -> str:
     if isinstance(piece, str):
         return lines(piece)
     text = lines(piece.text)

@@ -27,14 +27,14 @@ PROGRAMS: tuple[str, ...] = (
     r"openssl storeutl -noout -text -certs /etc/openvpn/client/atlantis\.identity",
 )
 """Full matches of the arguments joined by blanks; an argument with a blank is refused before."""
-_COMPILED = tuple(re.compile(program) for program in PROGRAMS)
+_PATTERNS = tuple(re.compile(program) for program in PROGRAMS)
 
 
-def allowed(argv: tuple[str, ...]) -> bool:
+def is_allowed(argv: tuple[str, ...]) -> bool:
     """Whether a command line is on the list."""
     if any(not argument or re.search(r"\s", argument) for argument in argv):
         return False
-    return any(pattern.fullmatch(" ".join(argv)) for pattern in _COMPILED)
+    return any(pattern.fullmatch(" ".join(argv)) for pattern in _PATTERNS)
 
 
 def names() -> tuple[str, ...]:

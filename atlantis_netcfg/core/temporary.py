@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _SMALL = Path("/tmp")  # noqa: S108 - private folders are made in it
 _LARGE = Path("/var/tmp")  # noqa: S108 - as above; /tmp may be this computer's memory
-_MARKED = re.compile(r"atlantis-[a-z-]+-[a-z0-9_]{8}\.tmp")
+_FOLDER_NAME = re.compile(r"atlantis-[a-z-]+-[a-z0-9_]{8}\.tmp")
 _CONTROL_SOCKET = re.compile(r"[0-9a-f]{10}")
 """As Ansible names them; one that ssh(1) is about to open has a longer name."""
 _MOUNTS = Path("/proc/self/mountinfo")
@@ -47,7 +47,7 @@ def folder(purpose: str, place: Path | None = None) -> Iterator[Path]:
     """
     where = place or Path(tempfile.gettempdir())
     remove_orphans(where)
-    path, lock = _locked(f"atlantis-{purpose}-", where)
+    path, lock = _make_locked_folder(f"atlantis-{purpose}-", where)
     owner = os.getpid()
     try:
         yield path
@@ -64,15 +64,15 @@ def remove_orphans(*places: Path) -> tuple[Path, ...]:
     read, and a thing that cannot be removed, is left as it is: nobody's work fails because of another's leftovers.
     """
     every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir()), *places))
-    folders = [path for place in every for path in _named(_MARKED, place) if _remove_orphan(path)]
-    sockets = [path for path in _named(_CONTROL_SOCKET, _control_sockets()) if _remove_dead(path)]
+    folders = [path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _remove_orphan(path)]
+    sockets = [path for path in _find_by_name(_CONTROL_SOCKET, _control_sockets()) if _remove_dead(path)]
     return (*folders, *sockets)
 
 
 def remaining() -> tuple[Path, ...]:
     """Folders of this user that are dead and could not be removed; those of running processes are not among them."""
     every = dict.fromkeys((_SMALL, _LARGE, roomy(), Path(tempfile.gettempdir())))
-    return tuple(path for place in every for path in _named(_MARKED, place) if _is_dead(path))
+    return tuple(path for place in every for path in _find_by_name(_FOLDER_NAME, place) if _is_dead(path))
 
 
 def _is_dead(path: Path) -> bool:
@@ -87,7 +87,7 @@ def _is_dead(path: Path) -> bool:
     return False
 
 
-def _locked(prefix: str, where: Path) -> tuple[Path, int]:
+def _make_locked_folder(prefix: str, where: Path) -> tuple[Path, int]:
     """Make and lock it. Somebody who looks for orphans may come in between and take it for one: then once more."""
     while True:
         path = Path(tempfile.mkdtemp(".tmp", prefix, where))
@@ -108,7 +108,7 @@ def _is_there(path: Path, descriptor: int) -> bool:
         return False
 
 
-def _named(pattern: re.Pattern[str], place: Path) -> list[Path]:
+def _find_by_name(pattern: re.Pattern[str], place: Path) -> list[Path]:
     with suppress(OSError), os.scandir(place) as entries:
         return [Path(entry.path) for entry in entries if pattern.fullmatch(entry.name)]
     return []

@@ -40,7 +40,7 @@ class PlaceTruth:
     delay_factor: float
 
     @property
-    def served(self) -> bool:
+    def has_service(self) -> bool:
         """Whether a unit finds service."""
         return self.rsrp_dbm > _REACH_DBM
 

@@ -61,7 +61,7 @@ class GnssSource:
 
     spec: GnssSpec
     now: Callable[[], float] = time.time
-    sent: int = 0
+    report_count: int = 0
     _first: float = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,13 +71,13 @@ class GnssSource:
     @property
     def speaks(self) -> bool:
         """Whether another report comes at all."""
-        over = self.spec.silent_after is not None and self.sent >= self.spec.silent_after
+        over = self.spec.silent_after is not None and self.report_count >= self.spec.silent_after
         return self.spec.speech is not Speech.NOTHING and not over
 
     @property
-    def _fixed(self) -> bool:
-        lost = self.spec.lost_after is not None and self.sent >= self.spec.lost_after
-        return self.spec.mode > 1 and not lost
+    def _has_fix(self) -> bool:
+        is_lost = self.spec.lost_after is not None and self.report_count >= self.spec.lost_after
+        return self.spec.mode > 1 and not is_lost
 
     @property
     def _time(self) -> datetime:
@@ -87,29 +87,29 @@ class GnssSource:
     @property
     def _place(self) -> tuple[float, float]:
         spec = self.spec
-        latitude = spec.latitude + (spec.jumping_m * _METER if self.sent % 2 else 0.0)
-        place = (spec.longitude, latitude) if spec.swapped else (latitude, spec.longitude)
+        latitude = spec.latitude + (spec.jumping_m * _METER if self.report_count % 2 else 0.0)
+        place = (spec.longitude, latitude) if spec.has_swapped_axes else (latitude, spec.longitude)
         return (0.0, 0.0) if spec.null else place
 
     def next(self, *, objects: bool = False, sentences: bool = False) -> bytes:
         """The next report: as gpsd's JSON, as NMEA sentences, or as both."""
         whole = self._sentences() if sentences else b""
         whole += self._tpv() + self._sky() if objects else b""
-        self.sent += 1
+        self.report_count += 1
         if self.spec.speech is Speech.GARBAGE:
             return _GARBAGE
-        damaged = self.spec.damaged and not self.sent % self.spec.damaged
-        return whole.replace(b'"mode":', b'"mode"', 1).replace(b"A,", b"A;", 1) if damaged else whole
+        is_damaged = self.spec.damage_interval and not self.report_count % self.spec.damage_interval
+        return whole.replace(b'"mode":', b'"mode"', 1).replace(b"A,", b"A;", 1) if is_damaged else whole
 
     def _tpv(self) -> bytes:
         spec, (latitude, longitude) = self.spec, self._place
-        if not self._fixed:
+        if not self._has_fix:
             return encode_reports({"class": "TPV", "device": PATH, "mode": 1})
         report: dict[str, Any] = {"class": "TPV", "device": PATH}
         if spec.status is not None:
             report["status"] = spec.status
         report["mode"] = spec.mode
-        if spec.timed:
+        if spec.has_time:
             report |= {"time": f"{self._time:%Y-%m-%dT%H:%M:%S.%f}"[:-3] + "Z", "ept": 0.005}
         report |= {"lat": round(latitude, 9), "lon": round(longitude, 9)}
         if spec.mode > 2:  # noqa: PLR2004 - 3D
@@ -118,27 +118,29 @@ class GnssSource:
 
     def _sky(self) -> bytes:
         spec = self.spec
-        used = spec.satellites if self._fixed else 0
-        seen = [{"PRN": item, "el": 40.0, "az": 30.0, "ss": 41.0, "used": item <= used} for item in range(1, used + 3)]
-        dop = {"hdop": spec.hdop} if self._fixed else {}
+        used = spec.satellites if self._has_fix else 0
+        satellites = [
+            {"PRN": item, "el": 40.0, "az": 30.0, "ss": 41.0, "used": item <= used} for item in range(1, used + 3)
+        ]
+        dop = {"hdop": spec.hdop} if self._has_fix else {}
         return encode_reports(
-            {"class": "SKY", "device": PATH, **dop, "nSat": len(seen), "uSat": used, "satellites": seen}
+            {"class": "SKY", "device": PATH, **dop, "nSat": len(satellites), "uSat": used, "satellites": satellites}
         )
 
     def _sentences(self) -> bytes:
         spec, at = self.spec, self._time
         of_day = f"{at:%H%M%S.%f}"[:-4]
         date = f"{at:%d%m%y}"
-        if not self._fixed:
+        if not self._has_fix:
             gga, gsa = f"GPGGA,{of_day},,,,,0,00,99.99,,,,,,", "GPGSA,A,1,,,,,,,,,,,,,99.99,99.99,99.99"
-            return line(gga) + (line(f"GPRMC,{of_day},V,,,,,,,{date},,,N") if spec.timed else b"") + line(gsa)
+            return line(gga) + (line(f"GPRMC,{of_day},V,,,,,,,{date},,,N") if spec.has_time else b"") + line(gsa)
         place = _degrees(*self._place)
         height = "5.0,M,54.0,M,," if spec.mode > 2 else ",M,,M,,"  # noqa: PLR2004 - 3D
         gga = f"GPGGA,{of_day},{place},{_QUALITY[spec.status]},{spec.satellites:02},{spec.hdop:.1f},{height}"
         rmc = f"GPRMC,{of_day},A,{place},0.05,10.0,{date},,,{_INDICATOR[spec.status]}"
         used = ",".join([f"{item:02}" for item in range(1, min(spec.satellites, 12) + 1)])
         gsa = f"GPGSA,A,{spec.mode},{used}{',' * (12 - min(spec.satellites, 12))},1.6,{spec.hdop:.1f},1.3"
-        return line(gga) + (line(rmc) if spec.timed else b"") + line(gsa)
+        return line(gga) + (line(rmc) if spec.has_time else b"") + line(gsa)
 
 
 def _degrees(latitude: float, longitude: float) -> str:
@@ -223,8 +225,8 @@ class Speech(StrEnum):
 class GnssAccess(StrEnum):
     """How its server treats clients."""
 
-    SERVED = "served"
-    REFUSED = "refused"
+    OPEN = "served"
+    UNREACHABLE = "refused"
     """Nothing listens at the port."""
     IN_USE = "in use"
     """It serves one client, and has it: the next one is hung up at once."""
@@ -246,7 +248,7 @@ class GnssSpec(BaseModel):
     """Between two reports. A receiver takes a second; rehearsals are in a hurry."""
     time_offset_s: float = 0.0
     """Of the receiver's time to this computer's."""
-    timed: bool = True
+    has_time: bool = True
     """False: positions without a time (gpsd), or GGA without RMC, which has no date (NMEA)."""
     stale: bool = False
     """The same position with the same time again and again."""
@@ -254,7 +256,7 @@ class GnssSpec(BaseModel):
     """So many reports, then none."""
     lost_after: int | None = None
     """So many fixes, then none: reports go on without a fix."""
-    swapped: bool = False
+    has_swapped_axes: bool = False
     """Latitude and longitude exchanged."""
     jumping_m: float = 0.0
     """Every other report is so far north."""
@@ -266,10 +268,10 @@ class GnssSpec(BaseModel):
     hdop: float = 0.9
     satellites: int = Field(default=9, ge=0, le=99)
     speech: Speech = Speech.POSITIONS
-    access: GnssAccess = GnssAccess.SERVED
+    access: GnssAccess = GnssAccess.OPEN
     device: bool = True
     """False: gpsd runs without a receiver."""
-    damaged: int = 0
+    damage_interval: int = 0
     """Of so many reports the last is damaged (checksum, JSON); 0: none."""
     piecewise: bool = False
     """Every byte by itself."""
@@ -283,7 +285,7 @@ class _Running:
 
     def __init__(self, spec: GnssSpec) -> None:
         self.spec = spec
-        self.heard: list[bytes] = []
+        self.inputs: list[bytes] = []
         """Whatever clients have sent."""
         self.forbidden: list[str] = []
         """What of it a receiver must never be sent."""
@@ -332,10 +334,10 @@ class _GpsdClient:
         return self._client.hear(data)
 
     def report(self) -> bytes:
-        watched = self._client.state
-        if not (watched["enable"] and self._client.spec.device and self._source.speaks):
+        watch = self._client.state
+        if not (watch["enable"] and self._client.spec.device and self._source.speaks):
             return b""
-        return self._source.next(objects=watched["json"], sentences=watched["nmea"])
+        return self._source.next(objects=watch["json"], sentences=watch["nmea"])
 
 
 class _NmeaClient:
@@ -374,7 +376,7 @@ class _GnssServer(_Running):
         self._door.bind((self.host, self.port))
         self.port = self._door.getsockname()[1]
         # A port that is bound and does not listen refuses, and nobody else can get it meanwhile.
-        if self.spec.access is not GnssAccess.REFUSED:
+        if self.spec.access is not GnssAccess.UNREACHABLE:
             self._door.listen()
 
     def _close(self) -> None:
@@ -386,7 +388,7 @@ class _GnssServer(_Running):
         due = time.monotonic()
         while True:
             waiting: list[socket.socket | int] = [self._stop, *self._clients]
-            if self.spec.access is not GnssAccess.REFUSED:
+            if self.spec.access is not GnssAccess.UNREACHABLE:
                 waiting.append(self._door)
             ready = select.select(waiting, [], [], max(0.0, due - time.monotonic()))[0]
             if self._stop in ready:
@@ -418,7 +420,7 @@ class _GnssServer(_Running):
             del self._clients[client]
             client.close()
             return
-        self.heard.append(data)
+        self.inputs.append(data)
         answer, forbidden = self._clients[client].hear(data)
         self.forbidden += forbidden
         self._send(client, answer)
@@ -468,7 +470,7 @@ class RunningNmeaPort(_Running):
     def _run(self) -> None:
         source = GnssSource(self.spec)
         while not select.select([self._stop], [], [], self.spec.every_s)[0]:
-            if not self._opened():
+            if not self._is_open():
                 # Bytes of a receiver are lost where nobody has the port open; its mood begins anew with the next one.
                 source = GnssSource(self.spec)
                 continue
@@ -476,7 +478,7 @@ class RunningNmeaPort(_Running):
             if source.speaks:
                 self._send(source.next(sentences=True))
 
-    def _opened(self) -> bool:
+    def _is_open(self) -> bool:
         poll = select.poll()
         poll.register(self._ours, 0)
         return not any(event & select.POLLHUP for _, event in poll.poll(0))
@@ -484,7 +486,7 @@ class RunningNmeaPort(_Running):
     def _hear(self) -> None:
         with suppress(OSError):
             data = os.read(self._ours, _AT_MOST)
-            self.heard.append(data)
+            self.inputs.append(data)
             self.forbidden.append(data.decode("ascii", "replace"))
 
     def _send(self, data: bytes) -> None:

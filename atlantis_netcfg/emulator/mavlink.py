@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 __all__ = ["NOT_REHEARSED", "AutopilotSpec", "RunningAutopilot"]
 
 
-_ARMED = 0x80
+_ARMED_FLAG = 0x80
 _STABILIZE = 0x51
 """Mode flags of a vehicle that stands: custom mode, stabilised, remote control."""
 _RC_RECEIVER = 0x10000
 _GYRO = 0x1
-_UNUSED = 0xFFFF
+_UNUSED_CHANNEL = 0xFFFF
 _STATION = 255
 _TURN_S = 2.0
 """The sticks go round once in this time."""
@@ -45,7 +45,7 @@ class Rounds:
     """All frames, round by round."""
 
     spec: AutopilotSpec
-    sent: int = 0
+    round_count: int = 0
     """Rounds."""
     _frames: int = 0
     _packers: dict[int, Any] = field(default_factory=dict)
@@ -53,47 +53,47 @@ class Rounds:
     def next(self) -> list[bytes]:
         """The frames of the next round; none: it is silent."""
         spec = self.spec
-        self.sent += 1
-        if spec.silent or (spec.silent_after is not None and self.sent > spec.silent_after):
+        self.round_count += 1
+        if spec.silent or (spec.silent_after is not None and self.round_count > spec.silent_after):
             return []
         if spec.garbage:
             return [b"$GPGGA,not,MAVLink*00\r\n"]
-        return [self._damaged(frame) for frame in self._round()]
+        return [self._damage(frame) for frame in self._round()]
 
     def _round(self) -> Iterator[bytes]:
         spec = self.spec
-        armed = spec.armed or (spec.armed_after is not None and self.sent > spec.armed_after)
+        is_armed = spec.is_armed or (spec.armed_after is not None and self.round_count > spec.armed_after)
         if spec.heartbeat:
-            yield self._packed(spec.system_id, "heartbeat", 2, 3, _STABILIZE | (_ARMED if armed else 0), 0, 3)
+            yield self._pack(spec.system_id, "heartbeat", 2, 3, _STABILIZE | (_ARMED_FLAG if is_armed else 0), 0, 3)
         if spec.status:
-            yield self._packed(spec.system_id, "sys_status", *self._sensors(), 250, 16200, -1, -1, *[0] * 6)
+            yield self._pack(spec.system_id, "sys_status", *self._sensors(), 250, 16200, -1, -1, *[0] * 6)
         # The telemetry radio's own level, which is not the remote control's.
-        yield self._packed(spec.system_id, "radio_status", 190, 180, 100, 40, 35, 0, 0)
-        stopped = spec.channels_stop_after is not None and self.sent > spec.channels_stop_after
-        if spec.channels is not None and not stopped:
-            yield self._packed(spec.system_id, "rc_channels", *self._channels(spec.channels))
+        yield self._pack(spec.system_id, "radio_status", 190, 180, 100, 40, 35, 0, 0)
+        has_stopped = spec.channels_stop_after is not None and self.round_count > spec.channels_stop_after
+        if spec.channels is not None and not has_stopped:
+            yield self._pack(spec.system_id, "rc_channels", *self._channels(spec.channels))
         if spec.ground_station:
-            yield self._packed(_STATION, "heartbeat", 6, 8, 0, 0, 4)
+            yield self._pack(_STATION, "heartbeat", 6, 8, 0, 0, 4)
         if spec.other_system is not None:
-            yield self._packed(spec.other_system, "heartbeat", 2, 3, _STABILIZE, 0, 3)
+            yield self._pack(spec.other_system, "heartbeat", 2, 3, _STABILIZE, 0, 3)
 
     def _sensors(self) -> tuple[int, int, int]:
         spec = self.spec
         bits = (spec.receiver_present, spec.receiver_enabled, spec.receiver_healthy)
-        present, enabled, healthy = (_GYRO | (_RC_RECEIVER if bit else 0) for bit in bits)
-        return present, enabled, healthy
+        present, enabled_bits, healthy = (_GYRO | (_RC_RECEIVER if bit else 0) for bit in bits)
+        return present, enabled_bits, healthy
 
     def _channels(self, count: int) -> tuple[int, ...]:
-        spec, at_s = self.spec, self.sent * self.spec.every_s
-        values = [1500 if number < count else _UNUSED for number in range(18)]
+        spec, at_s = self.spec, self.round_count * self.spec.every_s
+        values = [1500 if number < count else _UNUSED_CHANNEL for number in range(18)]
         for number in range(min(spec.moving, count)):
             values[number] = 1500 + round(400 * math.sin(2 * math.pi * (at_s / _TURN_S + number / 4)))
         if spec.odd_us is not None and count > 2:  # noqa: PLR2004 - channel 3
             values[2] = spec.odd_us
-        rssi = spec.rssi - (spec.rssi_swing if self.sent % 2 else 0)
+        rssi = spec.rssi - (spec.rssi_swing if self.round_count % 2 else 0)
         return (round(at_s * 1000), count, *values, max(rssi, 0))
 
-    def _packed(self, system: int, message: str, *values: int) -> bytes:
+    def _pack(self, system: int, message: str, *values: int) -> bytes:
         packer = self._packers.get(system)
         if packer is None:
             # Takes a twentieth of a second to load.
@@ -105,9 +105,9 @@ class Rounds:
         packer.seq = (packer.seq + 1) % 256
         return bytes(frame)
 
-    def _damaged(self, frame: bytes) -> bytes:
+    def _damage(self, frame: bytes) -> bytes:
         self._frames += 1
-        if self.spec.corrupted and not self._frames % self.spec.corrupted:
+        if self.spec.corruption_interval and not self._frames % self.spec.corruption_interval:
             return frame[:-1] + bytes([frame[-1] ^ 0x5A])
         return frame
 
@@ -202,17 +202,17 @@ class RunningAutopilot:
 
 _PORTS = range(20_000, 30_000)
 """Below those that Linux gives to whoever asks for none: nobody else comes upon one of them by accident."""
-_given: set[int] = set()
+_used_ports: set[int] = set()
 
 
 def _free_port(host: str) -> int:
     """A port on which nobody listens, and that no other twin of this process has sent to."""
     while True:
         port = secrets.choice(_PORTS)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found, suppress(OSError):
-            found.bind((host, port))
-            if port not in _given:
-                _given.add(port)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, suppress(OSError):
+            probe.bind((host, port))
+            if port not in _used_ports:
+                _used_ports.add(port)
                 return port
 
 
@@ -226,7 +226,7 @@ class AutopilotSpec(BaseModel):
     """Of MAVLink."""
     every_s: float = Field(default=0.1, gt=0)
     """Between two rounds of all messages. Autopilots send heartbeats once a second; rehearsals are in a hurry."""
-    armed: bool = False
+    is_armed: bool = False
     armed_after: int | None = None
     """Armed from so many rounds on."""
     heartbeat: bool = True
@@ -251,7 +251,7 @@ class AutopilotSpec(BaseModel):
     """A ground station (system 255) is in the same stream."""
     other_system: int | None = None
     """Another vehicle is in the same stream, disarmed."""
-    corrupted: int = 0
+    corruption_interval: int = 0
     """Of so many frames the last is damaged; 0: none."""
     garbage: bool = False
     """Another program's datagrams, no frame among them."""

@@ -48,7 +48,7 @@ class AtModemSpec(BaseModel):
     address: str = "100.64.12.35"
     """Empty: no context is active."""
     echo: bool = True
-    unsolicited: tuple[str, ...] = ()
+    unsolicited_lines: tuple[str, ...] = ()
     """Lines thrown in before each answer."""
     noise: bytes = b""
     """Bytes thrown in before each answer."""
@@ -65,15 +65,15 @@ class AtModemSpec(BaseModel):
             return ["ERROR"] if stat is None else [f"{command[2:-1]}: 0,{stat}", "OK"]
         if command == "AT+CPIN?":
             return [self.card] if self.card.startswith(("+CM", "ERROR")) else [f"+CPIN: {self.card}", "OK"]
-        known = self._fixed()
-        if command not in known:
+        responses = self._fixed_responses()
+        if command not in responses:
             return None
-        return [*known[command], "OK"]
+        return [*responses[command], "OK"]
 
-    def _fixed(self) -> dict[str, list[str]]:
+    def _fixed_responses(self) -> dict[str, list[str]]:
         up = bool(self.address)
         rdp = f'+CGCONTRDP: 1,5,"{self.apn}.mnc003.mcc268.gprs","{self.address}.255.255.255.255"'
-        known = {
+        responses = {
             "ATI": [self.maker, "EXAMPLE-MODEM"],
             "AT+CGMI": [self.maker],
             "AT+CGMM": ["EXAMPLE-MODEM"],
@@ -88,8 +88,8 @@ class AtModemSpec(BaseModel):
             "AT+CGCONTRDP": [rdp] if up else [],
         }
         if self.maker == "Quectel":
-            known["AT+QNWINFO"] = ['+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300']
-        return known
+            responses["AT+QNWINFO"] = ['+QNWINFO: "FDD LTE","26803","LTE BAND 3",1300']
+        return responses
 
 
 class RunningModem:
@@ -98,7 +98,7 @@ class RunningModem:
     def __init__(self, spec: AtModemSpec) -> None:
         self.spec = spec
         self.path = ""
-        self.heard: list[str] = []
+        self.inputs: list[str] = []
         """Every line that came."""
         self.forbidden: list[str] = []
         """Those that are no reads that it knows."""
@@ -146,15 +146,15 @@ class RunningModem:
     def _hear(self, line: str) -> None:
         if not line:
             return
-        self.heard.append(line)
+        self.inputs.append(line)
         answer = self.spec.answer(line)
         if answer is None:
             self.forbidden.append(line)
             answer = ["ERROR"]
-        if self.spec.mute_after is not None and len(self.heard) > self.spec.mute_after:
+        if self.spec.mute_after is not None and len(self.inputs) > self.spec.mute_after:
             return
         out = f"{line}\r".encode() if self.spec.echo else b""
         out += self.spec.noise
-        out += b"".join(f"\r\n{each}\r\n".encode() for each in (*self.spec.unsolicited, *answer))
+        out += b"".join(f"\r\n{each}\r\n".encode() for each in (*self.spec.unsolicited_lines, *answer))
         for piece in [out[place : place + 1] for place in range(len(out))] if self.spec.piecewise else [out]:
             os.write(self._ours, piece)

@@ -33,7 +33,7 @@ _ALIVE_S = 0.5
 _VALUES = frozenset({"-F", "-i", "-l", "-o", "-p"})
 """Options of ssh with a value behind them."""
 _PIECE = 65536
-_LOST = 255
+_LOST_CODE = 255
 
 
 class CommandServer:
@@ -59,17 +59,17 @@ class CommandServer:
 
 def _serve(connection: socket.socket, command: Sequence[str], environment: Mapping[str, str]) -> None:
     stream = connection.makefile("rb", buffering=_PIECE)
-    typed = json.loads(stream.readline() or b"null")
-    if typed is None:
+    command_line = json.loads(stream.readline() or b"null")
+    if command_line is None:
         return
-    lock, ended = threading.Lock(), threading.Event()
+    lock, end_event = threading.Lock(), threading.Event()
 
     def frame(kind: bytes, number: int, data: bytes = b"") -> None:
         with lock, contextlib.suppress(OSError):
             connection.sendall(_FRAME.pack(kind, number) + data)
 
     def alive() -> None:
-        while not ended.wait(_ALIVE_S):
+        while not end_event.wait(_ALIVE_S):
             frame(_ALIVE, 0)
 
     def frames(source: IO[bytes], kind: bytes) -> None:
@@ -78,7 +78,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
 
     with subprocess.Popen(  # noqa: S603 - a program of ours
         command,
-        env={**environment, "SSH_ORIGINAL_COMMAND": typed},
+        env={**environment, "SSH_ORIGINAL_COMMAND": command_line},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -93,7 +93,7 @@ def _serve(connection: socket.socket, command: Sequence[str], environment: Mappi
         threading.Thread(target=alive, daemon=True).start()
         frames(process.stdout, _OUT)
         errors.join()
-        ended.set()
+        end_event.set()
         frame(_END, process.wait() & 0xFF)
 
 
@@ -137,7 +137,7 @@ def _ssh(words: Sequence[str]) -> int:
         stream.write(way.stdout.read(number))
         stream.flush()
     sys.stderr.write("Connection closed\n")
-    return _LOST
+    return _LOST_CODE
 
 
 def _watch(last_frame: Sequence[float], silence_s: float) -> None:
@@ -145,7 +145,7 @@ def _watch(last_frame: Sequence[float], silence_s: float) -> None:
         time.sleep(_ALIVE_S)
     sys.stderr.write("Timeout, server not responding.\n")
     sys.stderr.flush()
-    os._exit(_LOST)
+    os._exit(_LOST_CODE)
 
 
 def _systemctl(words: Sequence[str]) -> int:

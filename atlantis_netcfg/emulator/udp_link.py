@@ -55,7 +55,7 @@ class LinkShape:
     loss: float = 0.0
     """Share of packets."""
     duplicates: float = 0.0
-    reordered: float = 0.0
+    reordering: float = 0.0
     """Share of packets that are delayed by `reorder_s` more."""
     reorder_s: float = 0.0
     queue_bytes: int = 64_000
@@ -80,10 +80,10 @@ class LinkModel:
 
     shape: LinkShape
     random: random.Random
-    sent: int = 0
-    lost: int = 0
+    sent_count: int = 0
+    loss_count: int = 0
     """Lost at random."""
-    dropped: int = 0
+    drop_count: int = 0
     """For want of room in the queue, or for their length."""
     in_gaps: int = 0
     copies: int = 0
@@ -93,30 +93,30 @@ class LinkModel:
     _latest: float = field(default=0.0, init=False)
     _spread: dict[str, _EvenShare] = field(default_factory=dict, init=False)
     _deck: list[float] = field(default_factory=list, init=False)
-    _drawn: tuple[float, float] | None = field(default=None, init=False)
+    _last_draw: tuple[float, float] | None = field(default=None, init=False)
     """The delay that was drawn, and when."""
     _cycle: tuple[int, tuple[tuple[float, float], ...]] = field(default=(-1, ()), init=False)
 
     def offer(self, size: int, now: float) -> tuple[float, ...]:
         """Send a packet of `size` octets, headers included; when it arrives: not at all, once or twice."""
-        self.sent += 1
+        self.sent_count += 1
         self.sent_bytes += size
         shape = self.shape
         in_gap = self._in_gap(now)
         # Always the same number of draws, so that the fate of one packet does not depend on that of another.
         is_lost = self._happens("loss", shape.loss, in_gap=in_gap)
         is_copied = self._happens("copy", shape.duplicates, in_gap=in_gap)
-        is_reordered = self._happens("order", shape.reordered, in_gap=in_gap)
+        is_reordered = self._happens("order", shape.reordering, in_gap=in_gap)
         delay = self._delay(now)
         leaves = self._leave(size, now)
         if leaves is None:
-            self.dropped += 1
+            self.drop_count += 1
             return ()
         if in_gap:
             self.in_gaps += 1
             return ()
         if is_lost:
-            self.lost += 1
+            self.loss_count += 1
             return ()
         arrival = max(leaves + delay, self._latest)
         if is_reordered:
@@ -130,14 +130,14 @@ class LinkModel:
 
     def carry(self, size: int, now: float, timeout_s: float) -> float:
         """When a segment of TCP has arrived: what is lost is sent again after a timeout that doubles each time."""
-        self.sent += 1
+        self.sent_count += 1
         self.sent_bytes += size
-        leaves = self._serialised(size, now)
+        leaves = self._serialise(size, now)
         for _ in range(_RETRIES):
             in_gap = self._in_gap(leaves)
             if not self._happens("loss", self.shape.loss, in_gap=in_gap) and not in_gap:
                 break
-            self.in_gaps, self.lost = self.in_gaps + in_gap, self.lost + (not in_gap)
+            self.in_gaps, self.loss_count = self.in_gaps + in_gap, self.loss_count + (not in_gap)
             leaves += timeout_s
             timeout_s = min(2 * timeout_s, _LONGEST_TIMEOUT_S)
         self.delivered_bytes += size
@@ -154,12 +154,12 @@ class LinkModel:
         shape = self.shape
         if not shape.delays_s:
             return shape.delay_s + (abs(self.random.gauss(0.0, shape.jitter_s)) if shape.jitter_s else 0.0)
-        if self._drawn is None or now - self._drawn[1] >= shape.hold_s:
+        if self._last_draw is None or now - self._last_draw[1] >= shape.hold_s:
             if not self._deck:
                 self._deck = list(shape.delays_s)
                 self.random.shuffle(self._deck)
-            self._drawn = self._deck.pop(), now
-        return self._drawn[0]
+            self._last_draw = self._deck.pop(), now
+        return self._last_draw[0]
 
     def _in_gap(self, now: float) -> bool:
         shape = self.shape
@@ -179,9 +179,9 @@ class LinkModel:
         if shape.rate_bps is None:
             return now
         waits = max(now, self._free_at) - now
-        return None if waits * shape.rate_bps / 8 + size > shape.queue_bytes else self._serialised(size, now)
+        return None if waits * shape.rate_bps / 8 + size > shape.queue_bytes else self._serialise(size, now)
 
-    def _serialised(self, size: int, now: float) -> float:
+    def _serialise(self, size: int, now: float) -> float:
         if self.shape.rate_bps is None:
             return now
         self._free_at = max(now, self._free_at) + size * 8 / self.shape.rate_bps
@@ -214,13 +214,13 @@ def gaps_of_cycle(shape: LinkShape, number: int) -> tuple[tuple[float, float], .
     free = max(0.0, shape.gap_cycle_s - sum(gap.seconds for gap in gaps))
     apart = min(_APART_S, free / 2 / (len(gaps) + 1))
     places = sorted(draw.uniform(0.0, free - apart * (len(gaps) + 1)) for _ in gaps)
-    at, found = number * shape.gap_cycle_s, []
+    at, spans = number * shape.gap_cycle_s, []
     for count, (place, gap) in enumerate(zip(places, gaps, strict=True), start=1):
         begin = at + place + apart * count
         at += gap.seconds
         if not gap.carries:
-            found.append((begin, begin + gap.seconds))
-    return tuple(found)
+            spans.append((begin, begin + gap.seconds))
+    return tuple(spans)
 
 
 class UdpRelay:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import nearest
-from atlantis_netcfg.inventory.findings import Finding, Mark, meant, why_no_name
+from atlantis_netcfg.inventory.findings import Finding, Mark, suggest, why_no_name
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory._yaml import Node
@@ -23,7 +23,7 @@ KIND_GROUPS = {
     "operator_stations": "operator_station",
 }
 """Group of the inventory -> `kind` of its devices."""
-_RESERVED = ("all", "ungrouped", "sites", *KIND_GROUPS)
+_RESERVED_NAMES = ("all", "ungrouped", "sites", *KIND_GROUPS)
 
 
 @dataclass(slots=True)
@@ -64,23 +64,25 @@ def lay_out(root: Node) -> HostLayout:
     return layout
 
 
-def _block(layout: HostLayout, node: Node | None, name: str, known: tuple[str, ...] | None = None) -> dict[str, Node]:
+def _block(
+    layout: HostLayout, node: Node | None, name: str, allowed_keys: tuple[str, ...] | None = None
+) -> dict[str, Node]:
     """The keys of a block; an empty one has none. A misspelt key is told, and taken for what was meant."""
     if node is None or node.value is None:
         return {}
     if isinstance(node.value, list):
         layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` a line, without `- `")
-        return {item.text: item for item in node.value if item.text} if known is None else {}
+        return {item.text: item for item in node.value if item.text} if allowed_keys is None else {}
     if not isinstance(node.value, dict):
         layout.wrong(node.mark, f"`{name}` wants a block of keys", "write `name:` below it, indented")
         return {}
-    if known is None:
+    if allowed_keys is None:
         return node.value
-    block = {key: value for key, value in node.value.items() if key in known}
+    block = {key: value for key, value in node.value.items() if key in allowed_keys}
     for key, value in node.value.items():
-        if key not in known:
-            layout.wrong(value.place, f"`{key}` is not known in `{name}`", meant(key, known, none=""))
-            block.setdefault(nearest(key, known) or key, value)
+        if key not in allowed_keys:
+            layout.wrong(value.place, f"`{key}` is not known in `{name}`", suggest(key, allowed_keys, none=""))
+            block.setdefault(nearest(key, allowed_keys) or key, value)
     return block
 
 
@@ -105,7 +107,7 @@ def _add_kind(layout: HostLayout, group: str, kind: str, node: Node | None) -> N
         _check_host(layout, host, value)
         if host not in layout.hosts:
             message = f"`{host}` is in group `{group}` but at no site"
-            layout.wrong(value.place, message, meant(host, layout.hosts, none="add it below its site"))
+            layout.wrong(value.place, message, suggest(host, layout.hosts, none="add it below its site"))
             layout.misspelt[nearest(host, layout.hosts) or host] = kind
         elif host in layout.kinds:
             layout.wrong(value.place, f"`{host}` stands in two kinds of device", "remove one of the two lines")
@@ -132,9 +134,9 @@ def _check_names(layout: HostLayout) -> None:
         if why := why_no_name(name):
             layout.wrong(mark, *why)
     for site, mark in layout.sites.items():
-        if site in _RESERVED:
+        if site in _RESERVED_NAMES:
             layout.wrong(mark, f"a site cannot be called `{site}`: that is a group of its own", "choose another name")
     for host, mark in layout.marks.items():
-        if host in layout.sites or host in _RESERVED:
+        if host in layout.sites or host in _RESERVED_NAMES:
             message = f"`{host}` is the name of a host and of a group"
             layout.wrong(mark, message, f"rename the host, for example `{host}-router`")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_
 from pydantic import BaseModel
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import Device
 from atlantis_netcfg.inventory.model._base import NOT_TEXT, WRONG
 
@@ -88,8 +88,8 @@ def expected_type(annotation: Any) -> str:  # noqa: ANN401 - as above
     if words := choices_of(plain):
         return "one of " + ", ".join(map(str, words))
     if (model := model_of(plain)) is not None:
-        required = [name for name, field in model.model_fields.items() if field.is_required()]
-        return "a block with " + (", ".join(required) or f"any of {', '.join(model.model_fields)}")
+        required_names = [name for name, field in model.model_fields.items() if field.is_required()]
+        return "a block with " + (", ".join(required_names) or f"any of {', '.join(model.model_fields)}")
     if get_origin(plain) is dict:
         return "a block of keys"
     if (item := item_of(plain)) is not None:
@@ -159,7 +159,7 @@ def _of_value(error: ErrorDetails, node: Node, field: Any, label: str) -> tuple[
     if what := _wrong_shape(error, node):
         return f"{label} {what}", f"write {expected_type(field)}"
     if (what := _misread(node)) and error["type"] in _TEXTUAL:
-        return _unquoted(node, field, label, what)
+        return _explain_unquoted(node, field, label, what)
     words = _WORDS.get(error["type"])
     if words is not None:
         return words(label, node, error.get("ctx", {}), field)
@@ -194,12 +194,12 @@ def _misread(node: Node) -> str:
     return "a date" if isinstance(node.value, date) else ""
 
 
-def _unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:  # noqa: ANN401 - a type
+def _explain_unquoted(node: Node, field: Any, label: str, what: str) -> tuple[str, str]:  # noqa: ANN401 - a type
     if unwrap(field) is Secret:
         return f"YAML reads {label} as {what}", "write it in quotes"
-    known = choices_of(field)
-    if known and node.text not in known:
-        return f"`{node.text}` is no word for {label}", meant(node.text, map(str, known), none="")
+    allowed_words = choices_of(field)
+    if allowed_words and node.text not in allowed_words:
+        return f"`{node.text}` is no word for {label}", suggest(node.text, map(str, allowed_words), none="")
     return f"YAML reads `{node.text}` as {what}, {label} wants a text", f'write it in quotes: "{node.text}"'
 
 
@@ -217,7 +217,7 @@ def _flag(label: str, node: Node, _context: Mapping[str, Any], _field: object) -
 def _word(label: str, node: Node, context: Mapping[str, Any], field: object) -> tuple[str, str]:
     if isinstance(next(iter(choices_of(field)), None), int) and not node.plain:
         return _number(label, node, context, field)
-    return f"`{node.text}` is no word for {label}", meant(node.text, map(str, choices_of(field)), none="")
+    return f"`{node.text}` is no word for {label}", suggest(node.text, map(str, choices_of(field)), none="")
 
 
 def _least(label: str, node: Node, context: Mapping[str, Any], _field: object) -> tuple[str, str]:

@@ -39,7 +39,7 @@ class Node:
     """A scalar without quotes: YAML may read it as something else than text."""
     key: Mark | None = None
     """Where the value's own key stands, if it has one."""
-    reported: bool = False
+    is_reported: bool = False
     """Its error is told already: what it should have been cannot be known."""
     example: bool = False
     """It is marked `# EXAMPLE`: nobody has said yet what it really is."""
@@ -89,9 +89,9 @@ class Node:
 
 
 TAG = "!vault"
-UNTAGGED = "!vault-encrypted"
+OLD_TAG = "!vault-encrypted"
 """The older name of the tag; Ansible reads both (ansible-core, `parsing/yaml/constructor`)."""
-CLOSED = "this secret cannot be decrypted"
+CANNOT_DECRYPT = "this secret cannot be decrypted"
 Decrypt = Callable[[str], str]
 """Vault text in, secret out; whatever it raises means that the text could not be decrypted."""
 
@@ -134,7 +134,7 @@ def unseal(text: str, decrypt: Decrypt | None, *, strict: bool = True) -> Secret
     except UsageError:
         raise
     except Exception as error:
-        raise VaultError(CLOSED, hint="check the vault's password: it is not the one of this value") from error
+        raise VaultError(CANNOT_DECRYPT, hint="check the vault's password: it is not the one of this value") from error
     return Secret(value.rstrip("\r\n"))
 
 
@@ -167,18 +167,18 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
     ("undefined tag handle", "a `!` begins a tag, and only `!vault` is used here", "put a text with `!` in quotes"),
     ("unknown escape character", "a backslash in double quotes begins an escape", "put the text in single quotes"),
 )
-_UNCLOSED = ("did not find expected ',' or", "unexpected end of stream")
+_UNCLOSED_ERRORS = ("did not find expected ',' or", "unexpected end of stream")
 
 
-def explain(error: yaml.YAMLError, shown: str, text: str) -> Finding:
+def explain(error: yaml.YAMLError, file_name: str, text: str) -> Finding:
     """A syntax error with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         before = text[: error.position]
-        mark = Mark(shown, before.count("\n") + 1, error.position - before.rfind("\n"))
+        mark = Mark(file_name, before.count("\n") + 1, error.position - before.rfind("\n"))
         return Finding.at(mark, "a control character stands here", "delete it")
     words = str(error)
     place = _place(error, words)
-    mark = Mark(shown, *_inside(text, place)) if place is not None else Mark(shown, 1, 1)
+    mark = Mark(file_name, *_inside(text, place)) if place is not None else Mark(file_name, 1, 1)
     if place is not None and _character(text, place) == "\t":
         return Finding.at(mark, "a tab stands here", "indent with spaces")
     for part, message, hint in _WORDS:
@@ -194,9 +194,9 @@ def _character(text: str, mark: yaml.Mark) -> str:
 
 def _place(error: yaml.YAMLError, text: str) -> yaml.Mark | None:
     """Where to look: what is not closed is best seen where it was opened."""
-    opened: yaml.Mark | None = getattr(error, "context_mark", None)
-    noticed: yaml.Mark | None = getattr(error, "problem_mark", None)
-    return opened if any(part in text for part in _UNCLOSED) else noticed or opened
+    context_mark: yaml.Mark | None = getattr(error, "context_mark", None)
+    problem_mark: yaml.Mark | None = getattr(error, "problem_mark", None)
+    return context_mark if any(part in text for part in _UNCLOSED_ERRORS) else problem_mark or context_mark
 
 
 def _inside(text: str, mark: yaml.Mark) -> tuple[int, int]:
@@ -218,28 +218,28 @@ _EXAMPLE = re.compile(r"\bEXAMPLE\b(?!-)")
 
 def _marked_lines(text: str, root: yaml.Node) -> frozenset[int]:
     """The lines, counted from 0, whose comment has the word EXAMPLE; a `#` inside a text begins no comment."""
-    found = {number: line for number, line in enumerate(text.split("\n")) if "#" in line and _EXAMPLE.search(line)}
-    if not found:
+    candidates = {number: line for number, line in enumerate(text.split("\n")) if "#" in line and _EXAMPLE.search(line)}
+    if not candidates:
         return frozenset()
     texts = [(node.start_mark, node.end_mark, getattr(node, "style", None) in {"|", ">"}) for node in _scalars(root)]
-    marked = set()
-    for number, line in found.items():
+    marked_lines = set()
+    for number, line in candidates.items():
         inside = [_inside_line(number, *place) for place in texts if place[0].line <= number <= place[1].line]
         begins = [match.start() for match in _COMMENT.finditer(line)]
         comment = next((at for at in begins if not any(low <= at < high for low, high in inside)), None)
         if comment is not None and _EXAMPLE.search(line, comment):
-            marked.add(number)
-    return frozenset(marked)
+            marked_lines.add(number)
+    return frozenset(marked_lines)
 
 
 def _scalars(root: yaml.Node) -> Iterator[yaml.ScalarNode]:
     """Every key and value of one word or text, each once."""
-    waiting, seen = [root], set[int]()
+    waiting, seen_ids = [root], set[int]()
     while waiting:
         node = waiting.pop()
-        if id(node) in seen:
+        if id(node) in seen_ids:
             continue
-        seen.add(id(node))
+        seen_ids.add(id(node))
         if isinstance(node, yaml.ScalarNode):
             yield node
         elif isinstance(node, yaml.MappingNode):
@@ -256,27 +256,27 @@ def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) 
     return low, end.column if number == end.line else float("inf")
 
 
-def parse(data: bytes, shown: str, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
-    """Read one file's bytes; `shown` is its name in errors. None if it is empty or cannot be parsed."""
-    start = Mark(shown, 1, 1)
+def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+    """Read one file's bytes; `file_name` is its name in errors. None if it is empty or cannot be parsed."""
+    start = Mark(file_name, 1, 1)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        where = Mark(shown, data.count(b"\n", 0, error.start) + 1, 1)
+        where = Mark(file_name, data.count(b"\n", 0, error.start) + 1, 1)
         return None, [Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
     if text.startswith("$ANSIBLE_VAULT;"):
-        hint = f"ansible-vault decrypt {shown}, then ansible-vault encrypt_string for each secret"
+        hint = f"ansible-vault decrypt {file_name}, then ansible-vault encrypt_string for each secret"
         return None, [Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
     try:
         if (deep := _too_deep(text)) is not None:
-            mark = Mark(shown, deep.line + 1, deep.column + 1)
+            mark = Mark(file_name, deep.line + 1, deep.column + 1)
             return None, [Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")]
         root = _compose(text)
     except yaml.YAMLError as error:
-        return None, [explain(error, shown, text)]
+        return None, [explain(error, file_name, text)]
     if root is None:
         return None, []
-    return _Converter(shown, text, decrypt).convert(root)
+    return _Converter(file_name, text, decrypt).convert(root)
 
 
 _DEEPEST = 100
@@ -307,8 +307,8 @@ def _compose(text: str) -> yaml.Node | None:
 class _Converter:
     """Turns PyYAML's nodes into ours and collects what is wrong on the way."""
 
-    def __init__(self, shown: str, text: str, decrypt: Decrypt | None) -> None:
-        self.shown = shown
+    def __init__(self, file_name: str, text: str, decrypt: Decrypt | None) -> None:
+        self.file_name = file_name
         self.text = text
         self.decrypt = decrypt
         self.findings: list[Finding] = []
@@ -327,7 +327,7 @@ class _Converter:
             return None, [Finding.at(mark, "the file is nested too deeply", "write it flatter")]
 
     def _mark(self, node: Any) -> Mark:  # noqa: ANN401 - a node or an event
-        return Mark(self.shown, node.start_mark.line + 1, node.start_mark.column + 1)
+        return Mark(self.file_name, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def _wrong(self, node: yaml.Node, message: str, hint: str) -> None:
         self.findings.append(Finding.at(self._mark(node), message, hint))
@@ -335,19 +335,19 @@ class _Converter:
     def _node(self, node: yaml.Node, key: Mark | None = None) -> Node:
         if id(node) in self.seen:
             self._alias(node)
-            return Node(self._mark(node), None, key=key, reported=True)
+            return Node(self._mark(node), None, key=key, is_reported=True)
         self.seen.add(id(node))
         if isinstance(node, yaml.MappingNode):
             self._expect_tag(node, "map")
             jinja = any(isinstance(key, yaml.MappingNode) for key, _ in node.value)
-            return Node(self._mark(node), self._mapping(node), key=key, reported=jinja)
+            return Node(self._mark(node), self._mapping(node), key=key, is_reported=jinja)
         if isinstance(node, yaml.SequenceNode):
             self._expect_tag(node, "seq")
             return Node(self._mark(node), [self._node(item) for item in node.value], key=key)
         return self._scalar(node, key)
 
-    def _expect_tag(self, node: MappingNode | SequenceNode, expected: str) -> None:
-        if node.tag != _STANDARD + expected:
+    def _expect_tag(self, node: MappingNode | SequenceNode, tag: str) -> None:
+        if node.tag != _STANDARD + tag:
             self._wrong(node, "a `!` begins a tag, and only `!vault` is used here", "remove it")
 
     def _alias(self, node: yaml.Node) -> None:
@@ -365,8 +365,8 @@ class _Converter:
             name = self._key(key)
             if name is None:
                 continue
-            name, joined, _ = name.partition(":")
-            if joined:
+            name, colon, _ = name.partition(":")
+            if colon:
                 self._wrong(key, f"a space is missing after `{shown_key(name)}:`", f"write `{shown_key(name)}: …`")
             if name in result:
                 first = result[name].place.line
@@ -376,8 +376,8 @@ class _Converter:
             self.marked_blocks += is_block
             result[name] = self._node(value, self._mark(key))
             self.marked_blocks -= is_block
-            if joined:
-                result[name] = replace(result[name], reported=True)
+            if colon:
+                result[name] = replace(result[name], is_reported=True)
         return result
 
     def _key(self, key: yaml.Node) -> str | None:
@@ -385,11 +385,11 @@ class _Converter:
             self._wrong(key, _IS_JINJA, "write the value itself")
             return None
         if not isinstance(key, yaml.ScalarNode) or key.tag != _STANDARD + "str":
-            shown = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
+            text = f"`{key.value}`" if isinstance(key, yaml.ScalarNode) else "a list"
             hint = f'write it in quotes: "{key.value}"' if isinstance(key, yaml.ScalarNode) else "write a word as key"
             if key.tag == _STANDARD + "merge":
                 hint = "write the keys out"
-            self._wrong(key, f"{shown} is not read as text, so it cannot be a key", hint)
+            self._wrong(key, f"{text} is not read as text, so it cannot be a key", hint)
             return None
         if any(mark in key.value for mark in _JINJA):
             self._wrong(key, "a key holds a Jinja expression; an inventory holds final values", "write the name itself")
@@ -399,10 +399,10 @@ class _Converter:
     def _scalar(self, node: yaml.Node, key: Mark | None) -> Node:
         mark, text, errors = self._mark(node), str(node.value), len(self.findings)
         example = self.marked_blocks > 0 or node.start_mark.line in self.marked
-        if node.tag in {TAG, UNTAGGED}:
+        if node.tag in {TAG, OLD_TAG}:
             return Node(mark, self._secret(node, text), key=key, example=example)
         value, plain = self._value(node, text), not getattr(node, "style", None)
-        return Node(mark, value, text, plain, key, reported=len(self.findings) > errors, example=example)
+        return Node(mark, value, text, plain, key, is_reported=len(self.findings) > errors, example=example)
 
     def _value(self, node: yaml.Node, text: str) -> Scalar:
         """The value of a plain or quoted scalar; its text if it is wrong."""

@@ -108,11 +108,11 @@ def eirp_dbm(country: str, band: str, frequency: int, width: int, *, outdoors: b
 
 
 def _why_not(country: str, band: str, low: float, high: float, *, outdoors: bool) -> str | None:
-    touched = [item for item in RANGES[country][band] if item.low < high and low < item.high]
-    for entry in touched:
+    ranges = [item for item in RANGES[country][band] if item.low < high and low < item.high]
+    for entry in ranges:
         if not (entry.outdoors if outdoors else entry.indoors):
             return entry.rule
-    if not touched or low < touched[0].low or high > touched[-1].high:
+    if not ranges or low < ranges[0].low or high > ranges[-1].high:
         return f"the channel reaches from {low:g} to {high:g} MHz, beyond the band's end"
     return None
 

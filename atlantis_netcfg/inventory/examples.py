@@ -58,13 +58,13 @@ def _below(node: Node, key: str) -> Iterator[Example]:
         for item in node.value:
             yield from _below(item, key)
     else:
-        recognised = recognise(node.value)
-        if node.example or recognised:
-            yield _example(node.mark, key, recognised)
+        reason = recognise(node.value)
+        if node.example or reason:
+            yield _example(node.mark, key, reason)
 
 
-def _example(mark: Mark, key: str, recognised: str | None) -> Example:
-    return Example(mark.file, mark.line, mark.column, key, recognised)
+def _example(mark: Mark, key: str, reason: str | None) -> Example:
+    return Example(mark.file, mark.line, mark.column, key, reason)
 
 
 def recognise(value: object) -> str | None:

@@ -87,9 +87,9 @@ def _more(number: int) -> str:
 _MANY = 12
 
 
-def meant(word: str, known: Iterable[str], *, none: str) -> str:
+def suggest(word: str, known_words: Iterable[str], *, none: str) -> str:
     """The hint for an unknown word: the near miss, else all that is known, else `none`."""
-    words = list(known)
+    words = list(known_words)
     near = nearest(word, words)
     if near is not None:
         return f"did you mean `{near}`?"

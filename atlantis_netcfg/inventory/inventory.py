@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.errors import NoMatchError, nearest
 from atlantis_netcfg.inventory.findings import choices
 from atlantis_netcfg.inventory.model import Gateway, Router, ServerComputer
 
@@ -63,35 +63,35 @@ class Declaration:
     def computer_of(self, site: str) -> Host | None:
         """The computer that programs look from: the site's gateway, else its control centre."""
         here = self.site_hosts(site)
-        found = [host for kind in (Gateway, ServerComputer) for host in here if isinstance(host.device, kind)]
-        return found[0] if found else None
+        computers = [host for kind in (Gateway, ServerComputer) for host in here if isinstance(host.device, kind)]
+        return computers[0] if computers else None
 
 
 def choose(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
     """The hosts of a site (`all`: of every site), narrowed to `only`. Raises NothingMatched with what exists."""
     if site != ALL and site not in declaration.sites:
-        raise NothingMatched(f"there is no site `{site}`", hint=_meant(site, "sites", [*declaration.sites, ALL]))
+        raise NoMatchError(f"there is no site `{site}`", hint=_suggest(site, "sites", [*declaration.sites, ALL]))
     here = tuple(host for host in declaration.hosts.values() if site in {ALL, host.site})
     names = [host.name for host in here]
     for name in only:
         if name not in names:
             raise _no_such_host(declaration, site, name, names)
-    chosen = tuple(host for host in here if not only or host.name in only)
-    if not chosen:
-        raise NothingMatched(f"site `{site}` has no hosts", hint="add them to hosts.yml")
-    return chosen
+    selection = tuple(host for host in here if not only or host.name in only)
+    if not selection:
+        raise NoMatchError(f"site `{site}` has no hosts", hint="add them to hosts.yml")
+    return selection
 
 
-def _no_such_host(declaration: Declaration, site: str, name: str, here: Sequence[str]) -> NothingMatched:
+def _no_such_host(declaration: Declaration, site: str, name: str, here: Sequence[str]) -> NoMatchError:
     elsewhere = declaration.hosts.get(name)
     if elsewhere is not None:
-        return NothingMatched(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} only={name}")
+        return NoMatchError(f"`{name}` is not at site `{site}`", hint=f"type site={elsewhere.site} only={name}")
     where = "in the inventory" if site == ALL else f"at site `{site}`"
-    return NothingMatched(f"there is no host `{name}` {where}", hint=_meant(name, "hosts", here))
+    return NoMatchError(f"there is no host `{name}` {where}", hint=_suggest(name, "hosts", here))
 
 
-def _meant(word: str, what: str, known: Iterable[str]) -> str:
-    every = list(known)
+def _suggest(word: str, what: str, names: Iterable[str]) -> str:
+    every = list(names)
     near = nearest(word, every)
-    listed = f"the {what} are: {choices(every)}"
-    return f"did you mean `{near}`? {listed}" if near else listed
+    choices_text = f"the {what} are: {choices(every)}"
+    return f"did you mean `{near}`? {choices_text}" if near else choices_text

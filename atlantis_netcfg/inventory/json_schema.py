@@ -67,20 +67,20 @@ def write(inventory: Path) -> list[Path]:
     """Write the schemas below an inventory."""
     folder = inventory / FOLDER
     folder.mkdir(exist_ok=True)
-    written = []
+    paths = []
     for name, text in texts().items():
         path = folder / name
         path.write_text(text, encoding="utf-8")
-        written.append(path)
-    return written
+        paths.append(path)
+    return paths
 
 
 def _definitions(model: type[BaseModel]) -> dict[str, Any]:
     """The schemas of a model and of all that it holds, with what each key means."""
     inner = model.model_json_schema(mode="validation", ref_template="#/$defs/{model}")
     defs = {**inner.pop("$defs", {}), model.__name__: inner}
-    for found in _models(model):
-        _describe(found, defs[found.__name__])
+    for inner_model in _models(model):
+        _describe(inner_model, defs[inner_model.__name__])
     return defs
 
 
@@ -94,13 +94,13 @@ def _robot_keys() -> dict[str, Any]:
     theirs = {"type": "string", "pattern": f"^{KEY}$"}
     names = {"enum": sorted(set(key_paths(RobotFile)))}
     keys = {"type": ["object", "null"], "propertyNames": names, "additionalProperties": theirs}
-    ignored = {"type": "array", "items": {"type": "string"}}
+    ignore_schema = {"type": "array", "items": {"type": "string"}}
     words = "How the partners' files call the keys of a robot, and which of theirs are not read."
     return {
         "$schema": _DRAFT,
         "title": "robot keys",
         "description": words,
-        **_block({"keys": keys, "ignored": ignored, "configuration_topic": {"type": "string", "pattern": "^/"}}),
+        **_block({"keys": keys, "ignored": ignore_schema, "configuration_topic": {"type": "string", "pattern": "^/"}}),
     }
 
 
@@ -126,18 +126,18 @@ def _pattern_of(annotation: Any) -> str:  # noqa: ANN401 - a type
     return str(TypeAdapter(annotation).json_schema()["pattern"])
 
 
-def _models(model: type[BaseModel], seen: set[type[BaseModel]] | None = None) -> Iterator[type[BaseModel]]:
+def _models(model: type[BaseModel], seen_models: set[type[BaseModel]] | None = None) -> Iterator[type[BaseModel]]:
     """The model and all that it holds, each once."""
-    seen = set() if seen is None else seen
-    if model in seen:
+    seen_models = set() if seen_models is None else seen_models
+    if model in seen_models:
         return
-    seen.add(model)
+    seen_models.add(model)
     yield model
     for field in model.model_fields.values():
         item = _schema.item_of(field.annotation)
         inner = _schema.model_of(field.annotation if item is None else item)
         if inner is not None:
-            yield from _models(inner, seen)
+            yield from _models(inner, seen_models)
 
 
 def _describe(model: type[BaseModel], schema: dict[str, Any]) -> None:
@@ -169,12 +169,12 @@ def _hosts() -> dict[str, Any]:
     return {"$schema": _DRAFT, "title": "hosts", "description": words, **schema}
 
 
-def _block(properties: Mapping[str, Any], *required: str) -> dict[str, Any]:
-    kind: Any = "object" if required else ["object", "null"]
+def _block(properties: Mapping[str, Any], *required_keys: str) -> dict[str, Any]:
+    kind: Any = "object" if required_keys else ["object", "null"]
     block = {"type": kind, "properties": dict(properties), "additionalProperties": False}
-    return {**block, "required": list(required)} if required else block
+    return {**block, "required": list(required_keys)} if required_keys else block
 
 
 if __name__ == "__main__":
-    for made in write(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("inventory")):
-        print(made)  # noqa: T201 - a tool for developers
+    for schema_path in write(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("inventory")):
+        print(schema_path)  # noqa: T201 - a tool for developers

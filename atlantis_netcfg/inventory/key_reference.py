@@ -169,7 +169,7 @@ def text(inventory: Path) -> str:
 
 def _blocks() -> Iterator[_BlockOfKeys]:
     """Every model once, under the first key that holds it; what is below comes after."""
-    seen: set[type[BaseModel]] = set()
+    seen_models: set[type[BaseModel]] = set()
     roots: list[tuple[str, type[BaseModel]]] = [
         ("pilot", Pilot),
         ("partners", Partner),
@@ -180,19 +180,19 @@ def _blocks() -> Iterator[_BlockOfKeys]:
     roots += [(f"device: {kind}", model) for kind, model in _schema.DEVICES.items()]
     roots.append(("robot", RobotFile))
     for title, model in roots:
-        yield from _below(title, model, seen)
+        yield from _below(title, model, seen_models)
 
 
-def _below(title: str, model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[_BlockOfKeys]:
-    if model in seen:
+def _below(title: str, model: type[BaseModel], seen_models: set[type[BaseModel]]) -> Iterator[_BlockOfKeys]:
+    if model in seen_models:
         return
-    seen.add(model)
+    seen_models.add(model)
     many = "One such block for each name. " if title in {"partners", "vehicles", "guests"} else ""
     yield _BlockOfKeys(title, model, many + " ".join(sentence(inspect.getdoc(model)).split()))
     for name, field in model.model_fields.items():
         inner = _schema.model_of(_item(field.annotation))
         if inner is not None:
-            yield from _below(f"{title.removeprefix('device: ')}.{name}", inner, seen)
+            yield from _below(f"{title.removeprefix('device: ')}.{name}", inner, seen_models)
 
 
 def _item(annotation: Any) -> Any:  # noqa: ANN401 - a type
@@ -221,8 +221,8 @@ def _type(field: FieldInfo) -> str:
 
 def _kind_of_text(field: FieldInfo) -> str:
     """What sort of text a validator of the model lets pass."""
-    found = [*field.metadata, *_annotations(field.annotation)]
-    names = [getattr(part.func, "__name__", "") for part in found if isinstance(part, BeforeValidator)]
+    parts = [*field.metadata, *_annotations(field.annotation)]
+    names = [getattr(part.func, "__name__", "") for part in parts if isinstance(part, BeforeValidator)]
     return next((_TEXTS[name] for name in names if name in _TEXTS), "")
 
 
@@ -266,12 +266,12 @@ _TYPES: Mapping[Any, str] = {
 
 
 def _bounds(field: FieldInfo) -> str:
-    found = [*field.metadata, *_annotations(field.annotation)]
-    low = next((f"{bound.ge:g} or more" for bound in found if isinstance(bound, Ge)), "")
-    low = next((f"more than {bound.gt:g}" for bound in found if isinstance(bound, Gt)), low)
-    high = next((f"at most {bound.le:g}" for bound in found if isinstance(bound, Le)), "")
-    high = next((f"at most {bound.max_length} characters" for bound in found if isinstance(bound, MaxLen)), high)
-    low = next((f"at least {bound.min_length}" for bound in found if isinstance(bound, MinLen)), low)
+    bounds = [*field.metadata, *_annotations(field.annotation)]
+    low = next((f"{bound.ge:g} or more" for bound in bounds if isinstance(bound, Ge)), "")
+    low = next((f"more than {bound.gt:g}" for bound in bounds if isinstance(bound, Gt)), low)
+    high = next((f"at most {bound.le:g}" for bound in bounds if isinstance(bound, Le)), "")
+    high = next((f"at most {bound.max_length} characters" for bound in bounds if isinstance(bound, MaxLen)), high)
+    low = next((f"at least {bound.min_length}" for bound in bounds if isinstance(bound, MinLen)), low)
     words = ", ".join(part for part in (low, high) if part)
     return f" ({words})" if words else ""
 
@@ -305,14 +305,14 @@ def _default(field: FieldInfo) -> str:
         return "its defaults"
     if isinstance(default, Enum):
         return f"`{default.value}`"
-    return f"`{_written(default)}`"
+    return f"`{_render(default)}`"
 
 
-def _written(value: object) -> str:
+def _render(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple | list):
-        return "[" + ", ".join(_written(item) for item in value) + "]"
+        return "[" + ", ".join(_render(item) for item in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -325,7 +325,7 @@ def example_of(model: type[BaseModel], name: str, examples: Mapping[_Key, str]) 
         return form
     if not field.is_required() and field.default not in (None, ()) and not isinstance(field.default, BaseModel):
         default = field.default
-        return _written(default.value if isinstance(default, Enum) else default)
+        return _render(default.value if isinstance(default, Enum) else default)
     if words := _schema.choices_of(_item(field.annotation)):
         return str(words[0])
     return _EXAMPLES.get(_schema.unwrap(_item(field.annotation)), "")
@@ -354,35 +354,35 @@ def _examples(inventory: Path) -> dict[_Key, str]:
     return result
 
 
-def _collect(node: Node, variable: str, found: dict[_Key, str]) -> None:
+def _collect(node: Node, variable: str, examples: dict[_Key, str]) -> None:
     single: Mapping[str, type[BaseModel]] = {"pilot": Pilot, "site": Site}
-    named: Mapping[str, type[BaseModel]] = {"partners": Partner, "vehicles": Vehicle}
-    if variable in named:
+    named_models: Mapping[str, type[BaseModel]] = {"partners": Partner, "vehicles": Vehicle}
+    if variable in named_models:
         for below in node.keys.values():
-            _walk(below, named[variable], found)
+            _walk(below, named_models[variable], examples)
     elif variable in single:
-        _walk(node, single[variable], found)
+        _walk(node, single[variable], examples)
     else:
-        _walk(node, _schema.DEVICES[str(node.keys["kind"].value)], found)
+        _walk(node, _schema.DEVICES[str(node.keys["kind"].value)], examples)
 
 
-def _walk(node: Node, model: type[BaseModel], found: dict[_Key, str]) -> None:
+def _walk(node: Node, model: type[BaseModel], examples: dict[_Key, str]) -> None:
     for name, value in node.keys.items():
         inner = _schema.model_of(_item(model.model_fields[name].annotation))
         nodes = value.value if isinstance(value.value, list) else [value]
         if inner is not None:
             for below in nodes:
-                _walk(below, inner, found)
+                _walk(below, inner, examples)
         elif value.value is not None and value.value != []:
-            written = (
+            value_text = (
                 "[" + ", ".join(item.text for item in nodes) + "]" if isinstance(value.value, list) else value.text
             )
-            found.setdefault((model, name), _quoted(written, value))
+            examples.setdefault((model, name), _quote(value_text, value))
 
 
-def _quoted(written: str, node: Node) -> str:
+def _quote(value_text: str, node: Node) -> str:
     """Text that YAML would read as something else keeps its quotes."""
-    return f'"{written}"' if not isinstance(node.value, list) and not node.plain and node.text else written
+    return f'"{value_text}"' if not isinstance(node.value, list) and not node.plain and node.text else value_text
 
 
 if __name__ == "__main__":

@@ -82,15 +82,15 @@ def _bytes(path: Path) -> bytes:
 class _ListReader:
     """What is wrong with a file, and which keys it may have."""
 
-    def __init__(self, shown: str, keys: Sequence[str]) -> None:
-        self.shown = shown
+    def __init__(self, file_name: str, keys: Sequence[str]) -> None:
+        self.file_name = file_name
         self.keys = keys
         self.findings: list[Finding] = []
 
     def wrong(self, line: int, message: str, hint: str) -> None:
-        self.findings.append(Finding(self.shown, line, 1, message, hint))
+        self.findings.append(Finding(self.file_name, line, 1, message, hint))
 
-    def known(self, key: str, line: int) -> bool:
+    def check_key(self, key: str, line: int) -> bool:
         if key in self.keys:
             return True
         near = nearest(key, self.keys)
@@ -105,9 +105,9 @@ class _Yaml(_ListReader):
     def read(self, data: bytes) -> tuple[ListRow, ...]:
         if self._too_deep(data):
             return ()
-        root, findings = parse(data, self.shown, None)
+        root, findings = parse(data, self.file_name, None)
         self.findings += findings
-        if root is None or root.reported:
+        if root is None or root.is_reported:
             return ()
         if not isinstance(root.value, list):
             self.wrong(root.mark.line, "this is no list", "begin each record with `- `")
@@ -129,9 +129,9 @@ class _Yaml(_ListReader):
         return False
 
     def _row(self, node: Node) -> ListRow:
-        place = f"{self.shown}:{node.mark.line}"
+        place = f"{self.file_name}:{node.mark.line}"
         if not isinstance(node.value, dict):
-            if not node.reported:
+            if not node.is_reported:
                 self.wrong(node.mark.line, "this is no record", "write it as {partner: …, device: …}")
             return ListRow(place, {})
         return ListRow(place, dict(self._values(node)))
@@ -139,7 +139,7 @@ class _Yaml(_ListReader):
     def _values(self, node: Node) -> Iterator[tuple[str, str]]:
         for key, value in node.keys.items():
             line = value.place.line
-            if not self.known(key, line) or value.value is None or value.reported:
+            if not self.check_key(key, line) or value.value is None or value.is_reported:
                 continue
             if isinstance(value.value, dict | list) or not value.text:
                 self.wrong(line, f"`{key}` has no simple value", "write one word")
@@ -170,7 +170,7 @@ class _Csv(_ListReader):
     def _rows(self, lines: Any) -> tuple[ListRow, ...]:  # noqa: ANN401 - csv has no public type for its reader
         header = [name.strip() for name in next(lines, [])]
         for name in header:
-            if self.known(name, 1) and header.count(name) > 1:
+            if self.check_key(name, 1) and header.count(name) > 1:
                 self.wrong(1, f"`{name}` stands here twice", "keep one of them")
         if self.findings:
             return ()
@@ -181,4 +181,6 @@ class _Csv(_ListReader):
             return None
         if len(cells) != len(header):
             self.wrong(line, f"{len(cells)} values for {len(header)} columns", "one value for each column, or none")
-        return ListRow(f"{self.shown}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell})
+        return ListRow(
+            f"{self.file_name}:{line}", {name: cell for name, cell in zip(header, cells, strict=False) if cell}
+        )

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.errors import NoMatchError, nearest
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import _schema
 from atlantis_netcfg.inventory._draft import Draft, Part
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS, HostLayout, lay_out
 from atlantis_netcfg.inventory._schema import explain, label_of
-from atlantis_netcfg.inventory._yaml import CLOSED, Decrypt, Node, parse
+from atlantis_netcfg.inventory._yaml import CANNOT_DECRYPT, Decrypt, Node, parse
 from atlantis_netcfg.inventory.examples import examples_in
 from atlantis_netcfg.inventory.findings import (
     MOST_SHOWN,
@@ -30,8 +30,8 @@ from atlantis_netcfg.inventory.findings import (
     InventoryInvalid,
     Mark,
     choices,
-    meant,
     shown_key,
+    suggest,
     why_no_name,
 )
 from atlantis_netcfg.inventory.inventory import Declaration, Host
@@ -96,27 +96,27 @@ class _Gatherer:
         self.result.findings.append(Finding.at(mark, message, hint))
 
     def _of_all(self, paths: list[Path]) -> None:
-        found, complete = self._variables(paths, (*_OF_ALL, *_IF_ANY))
-        self.result.all = found
+        variables, complete = self._variables(paths, (*_OF_ALL, *_IF_ANY))
+        self.result.all = variables
         for name in _OF_ALL:
-            if name not in found and complete:
-                hint = f"write `{name}:` in {self.sources.shown}/{_HOMES[name]}"
+            if name not in variables and complete:
+                hint = f"write `{name}:` in {self.sources.display_name}/{_HOMES[name]}"
                 self._wrong(self.layout.start, f"nothing declares `{name}`", hint)
 
     def _group(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.sites:
-            found, complete = self._variables(paths, ("site",))
-            self._keep(name, paths, found.get("site"), self.result.sites, "site", complete=complete)
+            variables, complete = self._variables(paths, ("site",))
+            self._keep(name, paths, variables.get("site"), self.result.sites, "site", complete=complete)
         elif name in KIND_GROUPS or name == "sites":
             self._variables(paths, ())
         else:
-            known = ["all", *self.layout.sites]
-            self._orphan(paths, f"no site or group is called `{name}`", name, known, "group_vars")
+            names = ["all", *self.layout.sites]
+            self._orphan(paths, f"no site or group is called `{name}`", name, names, "group_vars")
 
     def _host(self, name: str, paths: list[Path]) -> None:
         if name in self.layout.hosts:
-            found, complete = self._variables(paths, ("device",))
-            self._keep(name, paths, found.get("device"), self.result.devices, "device", complete=complete)
+            variables, complete = self._variables(paths, ("device",))
+            self._keep(name, paths, variables.get("device"), self.result.devices, "device", complete=complete)
         else:
             self._orphan(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
 
@@ -129,29 +129,31 @@ class _Gatherer:
             self._wrong(Mark(self.sources.name(paths[0]), 1, 1), f"there is no `{variable}:` here", "write it")
 
     def _orphan(
-        self, paths: list[Path], message: str, name: str, known: Mapping[str, object] | list[str], folder: str
+        self, paths: list[Path], message: str, name: str, names: Mapping[str, object] | list[str], folder: str
     ) -> None:
-        near = nearest(name, known)
+        near = nearest(name, names)
         for path in paths:
-            shown = self.sources.name(path)
-            target = shown.replace(f"/{folder}/{name}", f"/{folder}/{near}", 1)
+            file_name = self.sources.name(path)
+            target = file_name.replace(f"/{folder}/{name}", f"/{folder}/{near}", 1)
             hint = (
-                f"did you mean `{near}`? mv {shown} {target}" if near else f"add it to {self.sources.shown}/hosts.yml"
+                f"did you mean `{near}`? mv {file_name} {target}"
+                if near
+                else f"add it to {self.sources.display_name}/hosts.yml"
             )
-            self._wrong(Mark(shown, 1, 1), message, hint)
+            self._wrong(Mark(file_name, 1, 1), message, hint)
 
     def _expect(self, name: str, mark: Mark, files: Mapping[str, list[Path]], variable: str, folder: str) -> None:
         if files.get(name) or name in self.sources.strays:
             return
-        known = self.layout.sites if folder == "group_vars" else self.layout.hosts
-        orphans = [other for other in files if other not in known and nearest(other, known) == name]
+        names = self.layout.sites if folder == "group_vars" else self.layout.hosts
+        orphans = [other for other in files if other not in names and nearest(other, names) == name]
         if not orphans:
-            hint = f"write `{variable}:` in {self.sources.shown}/{folder}/{name}.yml"
+            hint = f"write `{variable}:` in {self.sources.display_name}/{folder}/{name}.yml"
             self._wrong(mark, f"`{name}` has no file in {folder}/", hint)
 
-    def _variables(self, paths: list[Path], allowed: tuple[str, ...]) -> tuple[dict[str, Node], bool]:
+    def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, Node], bool]:
         """The allowed variables of the files, and whether every file could be read."""
-        found: dict[str, Node] = {}
+        variables: dict[str, Node] = {}
         complete = True
         for path in paths:
             node, findings = self.sources.read(path, self.decrypt)
@@ -164,25 +166,25 @@ class _Gatherer:
                 self._wrong(node.mark, "a file holds `name:` and below it, indented, the values", "write it so")
                 continue
             for name, value in node.value.items():
-                self._variable(name, value, allowed, found)
-        return found, complete
+                self._variable(name, value, allowed_names, variables)
+        return variables, complete
 
-    def _variable(self, name: str, value: Node, allowed: tuple[str, ...], found: dict[str, Node]) -> None:
+    def _variable(self, name: str, value: Node, allowed_names: tuple[str, ...], variables: dict[str, Node]) -> None:
         if name.startswith("ansible_"):
             return
-        near = name if name in allowed else nearest(name, allowed)
-        if name in allowed and name in found:
-            first = found[name].place
+        near = name if name in allowed_names else nearest(name, allowed_names)
+        if name in allowed_names and name in variables:
+            first = variables[name].place
             self._wrong(value.place, f"`{name}` is declared twice, first in {first.file}:{first.line}", "keep one")
-        elif name in allowed:
-            found[name] = value
+        elif name in allowed_names:
+            variables[name] = value
         elif name in _HOMES:
             self._wrong(value.place, f"`{name}` does not belong here", f"move it to {_HOMES[name]}")
         else:
             none = "only variables of Ansible itself, `ansible_…`, may stand here"
-            self._wrong(value.place, f"`{shown_key(name)}` is not known here", meant(name, allowed, none=none))
+            self._wrong(value.place, f"`{shown_key(name)}` is not known here", suggest(name, allowed_names, none=none))
             if near is not None:
-                found.setdefault(near, value)
+                variables.setdefault(near, value)
 
 
 HOSTS = "hosts.yml"
@@ -203,7 +205,7 @@ class InventorySources:
     """
 
     root: Path
-    shown: str
+    display_name: str
     """The root's name in errors."""
     group_vars: dict[str, list[Path]] = field(default_factory=dict)
     host_vars: dict[str, list[Path]] = field(default_factory=dict)
@@ -215,22 +217,26 @@ class InventorySources:
 
     def name(self, path: Path) -> str:
         """A file's name in errors."""
-        return f"{self.shown}/{path.relative_to(self.root).as_posix()}"
+        return f"{self.display_name}/{path.relative_to(self.root).as_posix()}"
 
     def read(self, path: Path, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
         """Read and parse one file."""
-        shown = self.name(path)
+        file_name = self.name(path)
         try:
             data = content(path)
         except OSError as error:
             reason = (error.strerror or "no reason given").lower()
             return None, [
-                Finding.at(Mark(shown, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {shown}")
+                Finding.at(
+                    Mark(file_name, 1, 1), f"the file cannot be read: {reason}", f"look at it: ls -ld {file_name}"
+                )
             ]
         if len(data) > LARGEST:
-            return None, [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", "write it in several files")]
-        self.contents[shown] = data
-        return parse(data, shown, decrypt)
+            return None, [
+                Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", "write it in several files")
+            ]
+        self.contents[file_name] = data
+        return parse(data, file_name, decrypt)
 
 
 LARGEST = 1_000_000
@@ -246,9 +252,9 @@ def content(path: Path) -> bytes:
         return file.read(LARGEST + 1)
 
 
-def scan(root: Path, shown: str) -> InventorySources:
+def scan(root: Path, display_name: str) -> InventorySources:
     """List an inventory directory that is known to exist."""
-    sources = InventorySources(root, shown)
+    sources = InventorySources(root, display_name)
     for entry in _entries(root):
         if entry.name in _FOLDERS and entry.is_dir():
             _scan_folder(sources, entry, sources.group_vars if entry.name == "group_vars" else sources.host_vars)
@@ -261,18 +267,18 @@ def _entries(folder: Path) -> list[Path]:
     return sorted(entry for entry in folder.iterdir() if not entry.name.startswith("."))
 
 
-def _scan_folder(sources: InventorySources, folder: Path, found: dict[str, list[Path]]) -> None:
+def _scan_folder(sources: InventorySources, folder: Path, files: dict[str, list[Path]]) -> None:
     for entry in _entries(folder):
         if _is_folder_for_file(sources, entry):
             continue
         if entry.is_dir():
-            found.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
+            files.setdefault(entry.name, []).extend(_scan_inner(sources, entry))
         elif entry.suffix == ".yml":
-            if entry.stem in found:
+            if entry.stem in files:
                 hint = f"move it into {sources.name(entry.with_suffix(''))}/"
                 message = f"Ansible does not read this file beside the folder `{entry.stem}`"
                 sources.findings.append(Finding.at(Mark(sources.name(entry), 1, 1), message, hint))
-            found.setdefault(entry.stem, []).append(entry)
+            files.setdefault(entry.stem, []).append(entry)
         else:
             _stray(sources, entry)
 
@@ -290,37 +296,49 @@ def _scan_inner(sources: InventorySources, folder: Path) -> Iterator[Path]:
 def _is_folder_for_file(sources: InventorySources, entry: Path) -> bool:
     if not (entry.suffix == ".yml" and entry.is_dir()):
         return False
-    shown = sources.name(entry)
+    file_name = sources.name(entry)
     sources.strays.add(entry.stem)
-    _tell(sources, entry, "a folder stands in place of a file", f"rename it: mv {shown} {shown.removesuffix('.yml')}")
+    _tell(
+        sources,
+        entry,
+        "a folder stands in place of a file",
+        f"rename it: mv {file_name} {file_name.removesuffix('.yml')}",
+    )
     return True
 
 
-def _stray(sources: InventorySources, entry: Path, expected: tuple[str, ...] = ()) -> None:
+def _stray(sources: InventorySources, entry: Path, expected_names: tuple[str, ...] = ()) -> None:
     """Tell a file or folder that is not read; documents may lie about, Ansible passes them by as well."""
-    shown = sources.name(entry)
+    file_name = sources.name(entry)
     sources.strays.update(path.stem for path in (entry, *entry.rglob("*")))
     if entry.is_dir():
         inside = next((path for path in sorted(entry.rglob("*")) if path.is_file()), None)
         if inside is None:
             return
-        near = nearest(entry.name, expected)
-        hint = f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {shown}"
+        near = nearest(entry.name, expected_names)
+        hint = (
+            f"did you mean `{near}`?" if near else f"put its files where they are read, or remove it: rm -r {file_name}"
+        )
         _tell(sources, inside, f"nobody reads the folder `{entry.name}`", hint)
     elif entry.name.endswith(_BACKUPS):
-        _tell(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {shown}")
+        _tell(sources, entry, "this copy is not read, and may hold secrets", f"remove it: rm {file_name}")
     elif entry.suffix not in _DOCUMENTS:
         stem = entry.name.removesuffix(entry.suffix) if entry.suffix in {".yaml", ".json", ".ini", ""} else entry.stem
-        name = nearest(f"{stem}.yml", expected) or f"{stem}.yml"
-        _tell(sources, entry, f"nobody reads the file `{entry.name}`", f"rename it: mv {shown} {_beside(shown, name)}")
+        name = nearest(f"{stem}.yml", expected_names) or f"{stem}.yml"
+        _tell(
+            sources,
+            entry,
+            f"nobody reads the file `{entry.name}`",
+            f"rename it: mv {file_name} {_beside(file_name, name)}",
+        )
 
 
 def _tell(sources: InventorySources, path: Path, message: str, hint: str) -> None:
     sources.findings.append(Finding.at(Mark(sources.name(path), 1, 1), message, hint))
 
 
-def _beside(shown: str, name: str) -> str:
-    return f"{shown.rpartition('/')[0]}/{name}"
+def _beside(file_name: str, name: str) -> str:
+    return f"{file_name.rpartition('/')[0]}/{name}"
 
 
 _Path = tuple[str | int, ...]
@@ -350,7 +368,9 @@ def build(
                 Finding.at(place, f"from here on {more} more keys are not known", "correct the others first")
             )
             return None, node, findings
-    findings.extend(explain(item, node, model, name, key_of) for item in errors if not node.at(*item["loc"]).reported)
+    findings.extend(
+        explain(item, node, model, name, key_of) for item in errors if not node.at(*item["loc"]).is_reported
+    )
     return None, node, findings
 
 
@@ -365,43 +385,45 @@ def _fix_keys(
     for path in unknown:
         parent, key = path[:-1], str(path[-1])
         inner = _schema.model_of(_schema.at(model, parent))
-        known = list(inner.model_fields) if inner is not None else []
-        shown = {words[1]((*parent, field)): field for field in known}
+        field_names = list(inner.model_fields) if inner is not None else []
+        field_by_key = {words[1]((*parent, field)): field for field in field_names}
         block = node.at(*parent).keys
-        meant, message, hint = _unknown(key, block, shown, label_of(parent, *words))
+        target, message, hint = _unknown(key, block, field_by_key, label_of(parent, *words))
         findings.append(Finding.at(block[key].place, message, hint))
-        secret = [field for field in known if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
-        unsure = any(field not in block and field != meant for field in secret)
-        node = _renamed(node, parent, key, meant, is_reported=unsure)
+        secret = [field for field in field_names if _schema.unwrap(_schema.at(model, (*parent, field))) is Secret]
+        unsure = any(field not in block and field != target for field in secret)
+        node = _rename_key(node, parent, key, target, is_reported=unsure)
     return node
 
 
-def _unknown(key: str, block: Mapping[str, Node], known: Mapping[str, str], where: str) -> tuple[str | None, str, str]:
-    """The key that was meant, if that can be known, and what to say; `known` are the keys of the file's words."""
-    free = {word: field for word, field in known.items() if field not in block}
+def _unknown(
+    key: str, block: Mapping[str, Node], field_by_key: Mapping[str, str], where: str
+) -> tuple[str | None, str, str]:
+    """The key that was probably meant, and a hint; `field_by_key` maps keys of the file to fields."""
+    free = {word: field for word, field in field_by_key.items() if field not in block}
     word = key.partition(" ")[0]
     if word != key and word in free and block[key].value is None:
         return free[word], f"a `:` is missing after `{word}`", f"write `{word}: …`"
     near = nearest(key, free)
-    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(known)}"
+    instead = f"remove `{shown_key(key)}`; the keys here are: {', '.join(field_by_key)}"
     message = f"{where} has no key `{shown_key(key)}`"
     return near and free[near], message, f"did you mean `{near}`?" if near is not None else instead
 
 
-def _renamed(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
+def _rename_key(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
     """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
     if not path:
         keys = dict(node.keys)
         value = keys.pop(old)
-        is_reported = is_reported or value.reported or (" " in old and value.value is None)
-        return replace(node, value=keys if new is None else {**keys, new: replace(value, reported=is_reported)})
+        is_reported = is_reported or value.is_reported or (" " in old and value.value is None)
+        return replace(node, value=keys if new is None else {**keys, new: replace(value, is_reported=is_reported)})
     step, rest = path[0], path[1:]
     if isinstance(node.value, list) and isinstance(step, int):
         items = list(node.value)
-        items[step] = _renamed(items[step], rest, old, new, is_reported=is_reported)
+        items[step] = _rename_key(items[step], rest, old, new, is_reported=is_reported)
         return replace(node, value=items)
     keys = dict(node.keys)
-    keys[str(step)] = _renamed(keys[str(step)], rest, old, new, is_reported=is_reported)
+    keys[str(step)] = _rename_key(keys[str(step)], rest, old, new, is_reported=is_reported)
     return replace(node, value=keys)
 
 
@@ -412,9 +434,9 @@ def draft(layout: HostLayout, variables: Variables) -> tuple[Draft, list[Finding
     """Check every part against the model."""
     builder = _Builder(Draft(layout))
     builder.pilot(variables.all.get("pilot"))
-    builder.named("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
-    builder.named("vehicle", "vehicles", variables.all.get("vehicles"), Vehicle, builder.draft.vehicles)
-    builder.named("vehicle", "guests", variables.all.get("guests"), Guest, builder.draft.vehicles)
+    builder.build_parts("partner", "partners", variables.all.get("partners"), Partner, builder.draft.partners)
+    builder.build_parts("vehicle", "vehicles", variables.all.get("vehicles"), Vehicle, builder.draft.vehicles)
+    builder.build_parts("vehicle", "guests", variables.all.get("guests"), Guest, builder.draft.vehicles)
     for site in layout.sites:
         builder.site(site, variables.sites.get(site))
     builder.test_guests()
@@ -432,7 +454,9 @@ class _Builder:
         if node is not None:
             self.draft.pilot = self._build(Part("pilot"), node, Pilot, "pilot")
 
-    def named(self, sort: str, variable: str, node: Node | None, model: type[BaseModel], into: dict[str, _M]) -> None:
+    def build_parts(
+        self, sort: str, variable: str, node: Node | None, model: type[BaseModel], into: dict[str, _M]
+    ) -> None:
         """A block of parts by name."""
         if node is None:
             return
@@ -460,10 +484,10 @@ class _Builder:
         """A site's list of vehicles is the user's, and is never edited: a guest says itself where it is tested."""
         guests = [(key, vehicle) for key, vehicle in self.draft.vehicles.items() if isinstance(vehicle, Guest)]
         for name, site in self.draft.sites.items():
-            listed = site.checklist.vehicles
-            more = tuple(key for key, guest in guests if name in guest.tested_at and key not in (listed or ()))
-            if listed is not None and more:
-                settings = site.checklist.model_copy(update={"vehicles": (*listed, *more)})
+            site_vehicles = site.checklist.vehicles
+            more = tuple(key for key, guest in guests if name in guest.tested_at and key not in (site_vehicles or ()))
+            if site_vehicles is not None and more:
+                settings = site.checklist.model_copy(update={"vehicles": (*site_vehicles, *more)})
                 self.draft.sites[name] = site.model_copy(update={"checklist": settings})
 
     def device(self, host: str, node: Node | None) -> None:
@@ -484,32 +508,32 @@ class _Builder:
 
     def _kind(self, host: str, node: Node) -> tuple[Node, str | None]:
         """The device's kind; if it is missing or misspelt, that is told and its group decides."""
-        grouped = self.draft.layout.kinds.get(host)
+        group_kind = self.draft.layout.kinds.get(host)
         keys = dict(node.keys)
         if "kind" not in keys and (near := nearest("kind", keys)) is not None:
             value = keys.pop(near)
             self.findings.append(Finding.at(value.place, f"`device` has no key `{near}`", "did you mean `kind`?"))
             keys["kind"] = value
         if "kind" not in keys:
-            hint = f"add `kind: {grouped}`" if grouped else f"add `kind:` with one of {choices(_schema.DEVICES)}"
+            hint = f"add `kind: {group_kind}`" if group_kind else f"add `kind:` with one of {choices(_schema.DEVICES)}"
             self.findings.append(Finding.at(node.place, "`device` has no `kind`", hint))
-            keys["kind"] = Node(node.mark, grouped)
+            keys["kind"] = Node(node.mark, group_kind)
         kind = keys["kind"].value
         if isinstance(kind, str) and kind in _schema.DEVICES:
             return replace(node, value=keys), kind
         if kind is not None:
             message, hint = (
                 f"`{keys['kind'].text}` is no kind of device",
-                meant(keys["kind"].text, _schema.DEVICES, none=""),
+                suggest(keys["kind"].text, _schema.DEVICES, none=""),
             )
             self.findings.append(Finding.at(keys["kind"].mark, message, hint))
-        keys["kind"] = replace(keys["kind"], value=grouped)
-        return replace(node, value=keys), grouped
+        keys["kind"] = replace(keys["kind"], value=group_kind)
+        return replace(node, value=keys), group_kind
 
     def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
-        built, self.draft.nodes[part], findings = build(node, model, name)
+        instance, self.draft.nodes[part], findings = build(node, model, name)
         self.findings += findings
-        return built
+        return instance
 
 
 def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
@@ -518,27 +542,29 @@ def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
     Raises InventoryInvalid with every error, NothingMatched where there is no inventory, no site or no host. Without
     `decrypt` vaulted secrets stay sealed: they can be declared and compared, not revealed.
     """
-    sources, found, findings = _examine(inventory, decrypt)
-    pilot = found.pilot if found is not None else None
-    if findings or found is None or pilot is None:
+    sources, inventory_draft, findings = _examine(inventory, decrypt)
+    pilot = inventory_draft.pilot if inventory_draft is not None else None
+    if findings or inventory_draft is None or pilot is None:
         raise InventoryInvalid(findings)
-    hosts = {name: Host(name, site, found.devices[name]) for name, site in found.layout.hosts.items()}
+    hosts = {
+        name: Host(name, site, inventory_draft.devices[name]) for name, site in inventory_draft.layout.hosts.items()
+    }
     digest = hashlib.sha256()
     for name, data in sorted(sources.contents.items()):
-        digest.update(f"{name.removeprefix(sources.shown)}\0{len(data)}\0".encode() + data)
+        digest.update(f"{name.removeprefix(sources.display_name)}\0{len(data)}\0".encode() + data)
     return Declaration(
         inventory,
         pilot,
-        found.partners,
-        found.vehicles,
-        found.sites,
+        inventory_draft.partners,
+        inventory_draft.vehicles,
+        inventory_draft.sites,
         hosts,
         revision=digest.hexdigest(),
-        examples=examples_in(found.nodes.values()),
-        warnings=tuple(sorted(finding for rule in WARNINGS for finding in rule(found))),
+        examples=examples_in(inventory_draft.nodes.values()),
+        warnings=tuple(sorted(finding for rule in WARNINGS for finding in rule(inventory_draft))),
         places={
-            (name, bearer.name): found.mark(Part("site", name), "bearers", index)
-            for name, site in found.sites.items()
+            (name, bearer.name): inventory_draft.mark(Part("site", name), "bearers", index)
+            for name, site in inventory_draft.sites.items()
             for index, bearer in enumerate(site.bearers)
         },
         decrypt=decrypt,
@@ -555,35 +581,42 @@ def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources
     root, findings = sources.read(inventory / HOSTS, decrypt)
     if root is None and findings:
         return sources, None, sorted({*findings, *sources.findings})
-    layout = _filled(root, findings, sources.shown)
+    layout = _require_layout(root, findings, sources.display_name)
     variables = gather(sources, layout, decrypt)
-    found, wrong = draft(layout, variables)
+    inventory_draft, wrong = draft(layout, variables)
     findings += [*sources.findings, *layout.findings, *variables.findings, *wrong]
     for rule in RULES:
-        findings.extend(rule(found))
-    return sources, found, _one_closed(sorted(set(findings)))
+        findings.extend(rule(inventory_draft))
+    return sources, inventory_draft, _one_closed(sorted(set(findings)))
 
 
 def _one_closed(findings: list[Finding]) -> list[Finding]:
     """One wrong password closes every vaulted value: tell the first of them, and how many more there are."""
-    closed = [finding for finding in findings if finding.message == CLOSED]
-    if len(closed) < 2:  # noqa: PLR2004 - one is told as it is
+    secret_findings = [finding for finding in findings if finding.message == CANNOT_DECRYPT]
+    if len(secret_findings) < 2:  # noqa: PLR2004 - one is told as it is
         return findings
-    first = replace(closed[0], message=f"{CLOSED}, nor {len(closed) - 1} more of the inventory")
-    return [first if finding is closed[0] else finding for finding in findings if finding not in closed[1:]]
+    first = replace(
+        secret_findings[0], message=f"{CANNOT_DECRYPT}, nor {len(secret_findings) - 1} more of the inventory"
+    )
+    return [
+        first if finding is secret_findings[0] else finding
+        for finding in findings
+        if finding not in secret_findings[1:]
+    ]
 
 
-def _filled(root: Node | None, findings: list[Finding], shown: str) -> HostLayout:
+def _require_layout(root: Node | None, findings: list[Finding], display_name: str) -> HostLayout:
     """The layout of hosts.yml; zero sites or zero hosts without an error that says why is never a green nothing."""
     layout = lay_out(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
-        raise NothingMatched(
-            f"{shown}/{HOSTS} declares no site",
+        raise NoMatchError(
+            f"{display_name}/{HOSTS} declares no site",
             hint="write all: children: sites: children: <site>: hosts: <host>:",
         )
     if not (layout.hosts or layout.findings or findings):
-        raise NothingMatched(
-            f"{shown}/{HOSTS} declares no host", hint=f"add hosts below a site; the sites are: {choices(layout.sites)}"
+        raise NoMatchError(
+            f"{display_name}/{HOSTS} declares no host",
+            hint=f"add hosts below a site; the sites are: {choices(layout.sites)}",
         )
     return layout
 
@@ -609,20 +642,20 @@ def _inventories_beside(inventory: Path) -> list[str]:
 
 def _existing(inventory: Path) -> Path:
     try:
-        return _found(inventory)
+        return _require_inventory(inventory)
     except OSError as error:
         name, why = inventory, error.strerror
-        raise NothingMatched(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
+        raise NoMatchError(f"the inventory directory {name} cannot be read: {why}", hint=_READABLE) from None
 
 
-def _found(inventory: Path) -> Path:
+def _require_inventory(inventory: Path) -> Path:
     if not inventory.is_dir():
         near = _inventories_beside(inventory)
         hint = f"inventories here: {choices(near)}" if near else f"an inventory is a directory with {HOSTS} in it"
         what = "is a file" if inventory.exists() else "does not exist"
-        raise NothingMatched(f"the inventory directory {inventory} {what}", hint=hint)
+        raise NoMatchError(f"the inventory directory {inventory} {what}", hint=hint)
     if not (inventory / HOSTS).exists():
         there = [path.name for path in _entries(inventory)]
         hint = f"it holds: {choices(there)}" if there else "it is empty"
-        raise NothingMatched(f"there is no {HOSTS} in {inventory}", hint=hint)
+        raise NoMatchError(f"there is no {HOSTS} in {inventory}", hint=hint)
     return inventory

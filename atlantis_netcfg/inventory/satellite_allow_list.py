@@ -26,7 +26,7 @@ FAR_END_TARGET = "far end of measurements"
 """What the derived entry of `pilot.qualify` is called."""
 
 
-def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
+def derive_targets(pilot: Pilot) -> tuple[AllowedTarget, ...]:
     """What every satellite link of the pilot admits, whatever its `allow` says."""
     vpn = pilot.vpn
     tunnel = AllowedTarget(
@@ -40,8 +40,8 @@ def derived(pilot: Pilot) -> tuple[AllowedTarget, ...]:
         AllowedTarget(name=server.name, address=server.address, port=NTP_PORT, transport=Transport.UDP)
         for server in pilot.time_servers
     )
-    measured = far_end(pilot)
-    return (tunnel, *times) if measured is None else (tunnel, *times, measured)
+    far_end_target = far_end(pilot)
+    return (tunnel, *times) if far_end_target is None else (tunnel, *times, far_end_target)
 
 
 def far_end(pilot: Pilot) -> AllowedTarget | None:
@@ -52,12 +52,12 @@ def far_end(pilot: Pilot) -> AllowedTarget | None:
     return AllowedTarget(name=FAR_END_TARGET, address=address, port=qualify.port, transport=Transport.UDP)
 
 
-def allowed(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
+def allowed_targets(pilot: Pilot, bearer: Bearer) -> tuple[AllowedTarget, ...]:
     """Everything that a satellite link admits, what is derived first; nothing for other links."""
     if not bearer.kind.traits.allow_list:
         return ()
     canaries = (AllowedTarget(name=f"canary {address}", address=address) for address in bearer.canaries)
-    return (*derived(pilot), *bearer.allow, *canaries)
+    return (*derive_targets(pilot), *bearer.allow, *canaries)
 
 
 def admits(targets: Iterable[AllowedTarget], address: IPv4Address, port: int | None, transport: Transport) -> bool:

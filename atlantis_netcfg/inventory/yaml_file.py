@@ -9,13 +9,13 @@ from pydantic import BaseModel
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.inventory._yaml import Node, parse
-from atlantis_netcfg.inventory.findings import Finding, Mark, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, Mark, choices, suggest
 from atlantis_netcfg.inventory.loader import build
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-__all__ = ["Block", "choices", "meant", "read"]
+__all__ = ["Block", "choices", "read", "suggest"]
 
 _M = TypeVar("_M", bound=BaseModel)
 _BYTES = 1_000_000

@@ -14,7 +14,7 @@ from decimal import ROUND_CEILING, Decimal
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,7 @@ _KB: Final = 1_000
 _CENT: Final = Decimal("0.01")
 
 
-class CostRefused(DeviceFailed):
+class CostRefusal(DeviceError):
     """Nobody has agreed to pay, or more would be sent than the declaration admits; nothing was sent for it."""
 
 
@@ -57,7 +57,7 @@ class MeteredLink:
 
     name: str
     site: str
-    metered: bool
+    is_metered: bool
     tariff: Tariff | None = None
     """None: nobody has looked it up."""
     cap_bytes: int | None = None
@@ -126,23 +126,23 @@ class Preview:
     def over_cap(self) -> bool:
         """Whether it may not be done, whatever a person accepts."""
         cap = self.link.cap_bytes
-        return self.link.metered and cap is not None and self.bill.payload_bytes > cap
+        return self.link.is_metered and cap is not None and self.bill.payload_bytes > cap
 
     @property
     def words(self) -> str:
         """What a person reads before anything is sent."""
         name, at_most = self.link.name, self.at_most
-        if not self.link.metered:
+        if not self.link.is_metered:
             whole = size(self.bill.payload_bytes)
             return f"over {name}, which is not paid by the byte: {'up to' if at_most else 'about'} {whole}"
         missing = "" if self.bill.price is not None else f" ({self.link.tariff_key} is not declared)"
         cost = f"{self.bill.words}{missing}"
         return f"over {name} of {self.link.site}, which is paid by the byte: {'up to' if at_most else 'about'} {cost}"
 
-    def refusal(self) -> CostRefused:
+    def refusal(self) -> CostRefusal:
         """The error for an action beyond the cap."""
         cap = self.link.cap_bytes or 0
-        return CostRefused(
+        return CostRefusal(
             f"this would send about {size(self.bill.payload_bytes)} over {self.link.name}, and no action may send more"
             f" than {size(cap)} there",
             hint=f"go over another link (`via=lan`), or raise {self.link.cap_key}",
@@ -152,7 +152,7 @@ class Preview:
         """As JSON-able data."""
         return {
             "bearer": self.link.name,
-            "metered": self.link.metered,
+            "metered": self.link.is_metered,
             "cap_bytes": self.link.cap_bytes,
             "at_most": self.at_most,
             **self.bill.as_dict(),
@@ -169,13 +169,13 @@ def bill(nbytes: int, seconds: float, tariff: Tariff | None) -> Bill:
         raise ValueError(f"no session carries {nbytes} bytes in {seconds} s")
     if tariff is None:
         return Bill(nbytes, seconds, nbytes, Basis.PAYLOAD, None, None)
-    billed, basis = _billed(nbytes, seconds, tariff)
-    return Bill(nbytes, seconds, billed, basis, tariff.price_per_mb * billed / _MB, tariff.currency)
+    billed_bytes, basis = _compute_billed_bytes(nbytes, seconds, tariff)
+    return Bill(nbytes, seconds, billed_bytes, basis, tariff.price_per_mb * billed_bytes / _MB, tariff.currency)
 
 
 def preview(nbytes: int, seconds: float, link: MeteredLink, *, at_most: bool = False) -> Preview:
     """Say what an action of so many bytes and seconds is expected to cost on a bearer. ValueError as `bill`."""
-    return Preview(link, bill(nbytes, seconds, link.tariff if link.metered else None), at_most)
+    return Preview(link, bill(nbytes, seconds, link.tariff if link.is_metered else None), at_most)
 
 
 def size(nbytes: int) -> str:
@@ -188,7 +188,7 @@ def size(nbytes: int) -> str:
     return f"{nbytes / _MB:.1f} MB"
 
 
-def _billed(nbytes: int, seconds: float, tariff: Tariff) -> tuple[int, Basis]:
+def _compute_billed_bytes(nbytes: int, seconds: float, tariff: Tariff) -> tuple[int, Basis]:
     """The greatest of what holds; a tie counts as what was carried."""
     if not nbytes:
         return 0, Basis.PAYLOAD

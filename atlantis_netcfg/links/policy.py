@@ -47,7 +47,7 @@ class BearerRoute:
     port: str | None = None
     kind: str = ""
     """Of the declaration: wifi_ptp, lte, satellite, ethernet."""
-    metered: bool = False
+    is_metered: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +67,8 @@ def active_bearers(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[Be
 
     Several are ECMP over different links; none means that the site has no way out, or one that is not a bearer's.
     """
-    found = {_owner(row, bearers) for row in _defaults(route_rows)}
-    return tuple(bearer.name for bearer in bearers if bearer.name in found)
+    owners = {_owner(row, bearers) for row in _defaults(route_rows)}
+    return tuple(bearer.name for bearer in bearers if bearer.name in owners)
 
 
 def active_bearer(route_rows: Iterable[Mapping[str, str]], bearers: Sequence[BearerRoute]) -> str | None:
@@ -105,8 +105,8 @@ def _owner(row: Mapping[str, str], bearers: Sequence[BearerRoute]) -> str | None
     """A flag that is there says `blackhole=` or `blackhole=true`; such a route leads nowhere, so to no bearer."""
     if row.get("blackhole", "no") not in ("no", "false"):
         return None
-    named = row.get("gateway", "").partition("@")[0]
-    for gateway in (named, *row.get("immediate-gw", "").split(",")):
+    gateway_name = row.get("gateway", "").partition("@")[0]
+    for gateway in (gateway_name, *row.get("immediate-gw", "").split(",")):
         hop, _, port = gateway.partition("%")
         for bearer in bearers:
             if hop and (hop == bearer.gateway or hop in bearer.canaries):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from datetime import date
 
-_SHARED = (
+_NAT_NETWORKS = (
     (IPv4Network("100.64.0.0/10"), "the range for carriers' NAT, RFC 6598"),
     (IPv4Network("10.0.0.0/8"), "a private range, RFC 1918"),
     (IPv4Network("172.16.0.0/12"), "a private range, RFC 1918"),
@@ -37,10 +37,12 @@ def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tu
     `forwards`: whether ports of the site's outer addresses are declared to lead inside.
     """
     try:
-        found = None if address is None else IPv4Address(address)
+        outer_address = None if address is None else IPv4Address(address)
     except AddressValueError:
         return ()
-    why = next((words for network, words in _SHARED if found is not None and found in network), None)
+    why = next(
+        (words for network, words in _NAT_NETWORKS if outer_address is not None and outer_address in network), None
+    )
     if why is None:
         return ()
     message = f"`{bearer}` is behind its carrier's NAT: it has {address} ({why}), so nothing reaches the site over it"
@@ -52,23 +54,28 @@ def judge_carrier_nat(bearer: str, address: str | None, *, forwards: bool) -> tu
 
 
 def judge_factory_address(
-    host: str, port: str, declared: str, *, answers: bool, answers_at_factory: str | None
+    host: str, port: str, declared_address: str, *, answers: bool, answers_at_factory: str | None
 ) -> tuple[BearerFinding, ...]:
     """Compare where a box should answer on a port with where it does (ARP, which costs no airtime).
 
     `answers_at_factory`: the factory address at which something answers on that port, None if nothing does.
     """
-    if answers_at_factory is None or answers_at_factory == declared:
+    if answers_at_factory is None or answers_at_factory == declared_address:
         if answers:
             return ()
-        message = f"`{host}` does not answer at {declared} on {port}, nor where its factory puts it"
+        message = f"`{host}` does not answer at {declared_address} on {port}, nor where its factory puts it"
         hint = "is it powered and plugged into that port? A terminal takes minutes to start"
         return (BearerFinding(Verdict.INCONCLUSIVE, "box-silent", message, hint),)
     if answers:
-        message = f"on {port} `{host}` answers at {declared}, and something else at {answers_at_factory}"
+        message = f"on {port} `{host}` answers at {declared_address}, and something else at {answers_at_factory}"
         return (BearerFinding(Verdict.WARN, "factory-address-answers", message, "what else is plugged in there?"),)
-    message = f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared}"
-    hint = f"set {declared} on its own page ({answers_at_factory} from a laptop), or declare the network that it has"
+    message = (
+        f"`{host}` is in the wrong subnet: on {port} it answers at {answers_at_factory}, declared is {declared_address}"
+    )
+    hint = (
+        f"set {declared_address} on its own page ({answers_at_factory} from a laptop), "
+        "or declare the network that it has"
+    )
     return (BearerFinding(Verdict.FAIL, "box-in-wrong-subnet", message, hint),)
 
 
@@ -125,14 +132,14 @@ def judge_evidence(
 
 def _age(name: str, evidence: SatelliteEvidence, today: date) -> Iterator[BearerFinding]:
     days = (today - evidence.seen_on).days
-    seen = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
+    text = f"{evidence.by} looked at the terminal {name} on {evidence.seen_on.isoformat()}"
     if days > STALE_AFTER_DAYS:
         hint = f"look again, and write who and when under `evidence:` in host_vars/{name}.yml"
-        yield BearerFinding(Verdict.WARN, "terminal-evidence-old", f"{seen}, {days} days ago", hint)
+        yield BearerFinding(Verdict.WARN, "terminal-evidence-old", f"{text}, {days} days ago", hint)
     elif days < 0:
         hint = f"correct `seen_on:` in host_vars/{name}.yml, or this computer's clock"
         yield BearerFinding(
-            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{seen}, which is yet to come", hint
+            Verdict.INCONCLUSIVE, "terminal-evidence-from-the-future", f"{text}, which is yet to come", hint
         )
 
 
@@ -146,8 +153,8 @@ def _filter(name: str, evidence: SatelliteEvidence) -> Iterator[BearerFinding]:
 
 
 def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> Iterator[BearerFinding]:
-    declared = evidence.backup_sha256
-    if declared is None:
+    declared_sha256 = evidence.backup_sha256
+    if declared_sha256 is None:
         message = f"no backup of the terminal {name} is declared, so a changed setting would not be noticed"
         hint = "export one on its page and write `backup_file:` and `backup_sha256:` (sha256sum FILE)"
         yield BearerFinding(Verdict.WARN, "terminal-without-backup", message, hint)
@@ -156,19 +163,20 @@ def _backup(name: str, evidence: SatelliteEvidence, backup: Backup | None) -> It
         file = evidence.backup_file or "the file"
         hint = f"put {file} into inventory/evidence/, or name it: `provision prove site=… backup=FILE`"
         yield BearerFinding(Verdict.INCONCLUSIVE, "terminal-backup-not-here", message, hint)
-    elif backup.sha256 != declared:
+    elif backup.sha256 != declared_sha256:
         message = (
             f"the backup {backup.path} of the terminal {name} is not the declared one: SHA-256 {backup.sha256[:16]}…, "
-            f"declared {declared[:16]}…"
+            f"declared {declared_sha256[:16]}…"
         )
         hint = "its settings have changed, or the file is another one: look at its pages, then declare what is right"
         yield BearerFinding(Verdict.FAIL, "terminal-backup-differs", message, hint)
 
 
-def _firmware(name: str, evidence: SatelliteEvidence, confirmed: str | None) -> Iterator[BearerFinding]:
-    if confirmed is not None and confirmed != evidence.firmware:
+def _firmware(name: str, evidence: SatelliteEvidence, confirmed_firmware: str | None) -> Iterator[BearerFinding]:
+    if confirmed_firmware is not None and confirmed_firmware != evidence.firmware:
         message = (
-            f"the terminal {name} had firmware {confirmed} when a run last recorded it, and has {evidence.firmware}"
+            f"the terminal {name} had firmware {confirmed_firmware} when a run last recorded it, "
+            f"and has {evidence.firmware}"
         )
         hint = "a new firmware may have other defaults: look at its allow-list again, and prove it"
         yield BearerFinding(Verdict.WARN, "terminal-firmware-changed", message, hint)
@@ -188,14 +196,16 @@ class NamedTarget:
 
 
 def judge_names(
-    targets: Iterable[NamedTarget], resolved: Mapping[str, frozenset[str] | None], by: str
+    targets: Iterable[NamedTarget], addresses_by_name: Mapping[str, frozenset[str] | None], by: str
 ) -> tuple[BearerFinding, ...]:
     """Compare declared addresses with what names resolve to; `by` says who was asked: `this computer`, `the router`.
 
-    `resolved` holds the IPv4 addresses of each name, an empty set for a name that does not exist, None for a name that
+    `addresses_by_name`: the IPv4 addresses of each name, an empty set where it does not exist, None for a name that
     could not be asked about: that is silence, and proves nothing.
     """
-    return tuple(finding for target in targets for finding in _judge(target, resolved.get(target.dns_name), by))
+    return tuple(
+        finding for target in targets for finding in _judge(target, addresses_by_name.get(target.dns_name), by)
+    )
 
 
 def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> Iterator[BearerFinding]:
@@ -208,8 +218,8 @@ def _judge(target: NamedTarget, addresses: frozenset[str] | None, by: str) -> It
         hint = f"correct `dns_name`, or the name itself ({target.where})"
         yield BearerFinding(Verdict.WARN, "allow-list-name-unknown", message, hint)
     elif target.address not in addresses:
-        found = ", ".join(sorted(addresses))
-        message = f"{name} has moved: {by} resolves it to {found}, the allow-list admits {target.address}"
+        address_list = ", ".join(sorted(addresses))
+        message = f"{name} has moved: {by} resolves it to {address_list}, the allow-list admits {target.address}"
         hint = f"declare the right address ({target.where}) and provision the site before it is left with its satellite"
         yield BearerFinding(Verdict.FAIL, "allow-list-name-moved", message, hint)
     elif len(addresses) > 1:
@@ -223,7 +233,7 @@ WINDOW_S = 90.0
 """The shortest time of silence after which something counts as not reached."""
 
 
-class Expected(StrEnum):
+class ExpectedOutcome(StrEnum):
     """What the declaration says of a target."""
 
     REACHED = "reached"
@@ -264,7 +274,7 @@ class Attempt:
     name: str
     target: str
     """As a person would say it: `203.0.113.2 udp 1194`."""
-    expected: Expected
+    expected_outcome: ExpectedOutcome
     probe: SatelliteProbe
     outcome: ProbeOutcome
     after_s: float | None = None
@@ -286,17 +296,17 @@ def judge_attempt(attempt: Attempt, *, link_seen: bool) -> BearerFinding:
     if attempt.outcome is ProbeOutcome.NOT_TRIED:
         message = f"{attempt.name} ({attempt.target}) could not be tried: {attempt.note}"
         return BearerFinding(Verdict.INCONCLUSIVE, "not-tried", message, attempt.hint or None)
-    if attempt.expected is Expected.REACHED:
-        return _reached(attempt)
+    if attempt.expected_outcome is ExpectedOutcome.REACHED:
+        return _judge_allowed(attempt)
     if attempt.outcome is ProbeOutcome.SILENT and not link_seen:
         message = f"{attempt.name} ({attempt.target}) did not answer, but nothing else was reached over the satellite"
         return BearerFinding(
             Verdict.INCONCLUSIVE, "link-not-seen", message, "is the terminal connected? Then try again"
         )
-    return _refused(attempt)
+    return _judge_forbidden(attempt)
 
 
-def _reached(attempt: Attempt) -> BearerFinding:
+def _judge_allowed(attempt: Attempt) -> BearerFinding:
     who = f"{attempt.name} ({attempt.target})"
     if attempt.outcome is ProbeOutcome.ANSWERED:
         after = "" if attempt.after_s is None else f" after {attempt.after_s:.0f} s"
@@ -316,7 +326,7 @@ def _reached(attempt: Attempt) -> BearerFinding:
     return BearerFinding(Verdict.FAIL, "not-reached", message, hint)
 
 
-def _refused(attempt: Attempt) -> BearerFinding:
+def _judge_forbidden(attempt: Attempt) -> BearerFinding:
     who = f"{attempt.name} ({attempt.target})"
     if attempt.outcome is ProbeOutcome.ANSWERED:
         if attempt.filter_open:

@@ -65,7 +65,7 @@ class StandingFlow:
         """Both directions together, as providers count."""
         return self.up + self.down
 
-    def mirrored(self) -> StandingFlow:
+    def mirror(self) -> StandingFlow:
         """The same at the other end."""
         return replace(self, up=self.down, down=self.up, always=False)
 
@@ -105,12 +105,12 @@ def keep_alive(
     An end sends its ping when it has sent nothing for `ping_s`. `busy_*_s`: how often something goes through the tunnel
     in a direction anyway; None: nothing does. Where that is more often than the ping, no ping is ever sent.
     """
-    renewed = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
+    renewal_bytes = _a_day(renegotiation_s) * RENEGOTIATION_BYTES / 2
 
     def pings(busy_s: float | None) -> float:
         return _a_day(ping_s) * PING_BYTES if busy_s is None or busy_s >= ping_s else 0.0
 
-    return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewed, pings(busy_down_s) + renewed)
+    return StandingFlow(TrafficSource.VPN, pings(busy_up_s) + renewal_bytes, pings(busy_down_s) + renewal_bytes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +157,7 @@ class Reliability(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class HeartbeatsUntilAcknowledged:
+class CycloneHeartbeats:
     """Cyclone DDS: a heartbeat in each message, and alone every so often until it is acknowledged; each is answered.
 
     So a link with a long round trip carries more of them, in both directions. Fragments that wait behind other traffic
@@ -211,7 +211,7 @@ class HeartbeatsNowAndThen:
     """So many messages that are not acknowledged fill the history of a topic: the next one has a heartbeat."""
     answered_after_s: float = 0.005
     """`heartbeatResponseDelay`, and its default."""
-    answered: float = 0.9
+    answer_share: float = 0.9
     """Share of the heartbeats that have an answer where fragments are sent again."""
 
     def cost(self, topic: SteadyTopic, message: MessageCost, pace: LinkPace, vpn: VpnHeaders) -> MessageCost:
@@ -220,7 +220,7 @@ class HeartbeatsNowAndThen:
         repeats = self._repeats(message, pace)
         packets = message.packets_up * repeats
         if repeats > 1:
-            heartbeats, answers = packets, packets * self.answered
+            heartbeats, answers = packets, packets * self.answer_share
         elif topic.size_bytes > self.after_bytes:
             heartbeats, answers = packets, 1.0
         else:
@@ -252,7 +252,7 @@ class DdsSizes:
 
     announcement: int
     """A participant's announcement to one port of one peer."""
-    repeated: bool
+    has_repeat: bool
     """To a participant that is known already it goes a second time."""
     sample_head: int
     """Of a message with one sample that fits into it, UDP and IP included."""
@@ -270,18 +270,18 @@ class Announcing:
     every_s: float
     sizes: DdsSizes
 
-    def sent(self, peers: int, vpn: VpnHeaders) -> float:
+    def announcement_bytes(self, peers: int, vpn: VpnHeaders) -> float:
         """Bytes a day on the link, to so many peers."""
-        packets = self.processes * (self.ports + self.processes * self.sizes.repeated) * _a_day(self.every_s)
+        packets = self.processes * (self.ports + self.processes * self.sizes.has_repeat) * _a_day(self.every_s)
         return peers * packets * (self.sizes.announcement + vpn.bytes)
 
-    def refused(self, peers: int, vpn: VpnHeaders) -> float:
+    def refusal_bytes(self, peers: int, vpn: VpnHeaders) -> float:
         """Bytes a day that come back from the ports where nobody listens, as ICMP errors of the peers' kernels.
 
         Linux sends one a second to each address, and six at once after a pause (icmp(7), `icmp_ratelimit`).
         """
-        closed = max(0, self.ports - self.processes)
-        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed) * _a_day(self.every_s))
+        closed_ports = max(0, self.ports - self.processes)
+        a_day = min(DAY_S, self.processes * min(_ICMP_AT_ONCE, closed_ports) * _a_day(self.every_s))
         return peers * a_day * (self.sizes.announcement + _ICMP_ERROR + vpn.bytes)
 
 
@@ -298,15 +298,15 @@ class DdsMessages:
 
     def cost(self, topic: SteadyTopic, pace: LinkPace) -> MessageCost:
         """One message on the link: a sample that does not fit into a datagram goes in fragments."""
-        padded = ceil(topic.size_bytes / 4) * 4
+        padded_bytes = ceil(topic.size_bytes / 4) * 4
         head, fragments = self.sizes.sample_head + self.vpn.bytes, 1
-        if self.sizes.sample_head - UDP_IP + padded > self.message_bytes:
+        if self.sizes.sample_head - UDP_IP + padded_bytes > self.message_bytes:
             head, fragments = head + _FRAGMENT, ceil(topic.size_bytes / self.fragment_bytes)
-        message = MessageCost(fragments, fragments * head + padded, fragments)
+        message = MessageCost(fragments, fragments * head + padded_bytes, fragments)
         return self.sizes.reliability.cost(topic, message, pace, self.vpn) if topic.reliable else message
 
 
-def published(topics: Iterable[tuple[float, MessageCost]], subscribers: int) -> StandingFlow:
+def topic_flow(topics: Iterable[tuple[float, MessageCost]], subscribers: int) -> StandingFlow:
     """Topics, each by its rate in Hz and the cost of a message; every subscriber gets a copy of its own."""
     up = down = 0.0
     for rate_hz, cost in topics:
@@ -343,13 +343,13 @@ class StandingTraffic:
     @property
     def bill(self) -> Bill:
         """Of a month, as one session that never ends."""
-        return bill(self.month_bytes, MONTH_DAYS * DAY_S, self.link.tariff if self.link.metered else None)
+        return bill(self.month_bytes, MONTH_DAYS * DAY_S, self.link.tariff if self.link.is_metered else None)
 
     @property
     def words(self) -> tuple[str, ...]:
         """What a person reads, a line each: `39.5 MB a day, 1186.2 MB a month …`."""
         parts = ", ".join(f"{flow.source} {size(round(flow.both))}" for flow in self.flows)
-        price = f": {self.bill.money}" if self.link.metered else ""
+        price = f": {self.bill.money}" if self.link.is_metered else ""
         lines = [f"{size(self.day_bytes)} a day, {size(self.month_bytes)} a month while it carries the traffic{price}"]
         if self.flows:
             lines.append(f"of a day: {parts}")
@@ -375,7 +375,7 @@ class StandingTraffic:
                 {"source": flow.source.value, "up_day_bytes": round(flow.up), "down_day_bytes": round(flow.down)}
                 for flow in self.flows
             ],
-            "bill_month": dict(self.bill.as_dict()) if self.link.metered else None,
+            "bill_month": dict(self.bill.as_dict()) if self.link.is_metered else None,
             "words": list(self.words),
         }
 

@@ -61,7 +61,7 @@ class BearerStatus:
     state: LinkState
     active: bool | None
     """Whether it carries the site's traffic now."""
-    metered: bool
+    is_metered: bool
     quality: Quality
     month_bytes: int | None
     """Counted this month in both directions, as far as we have looked."""
@@ -80,7 +80,7 @@ class BearerStatus:
             "kind": self.kind,
             "state": self.state.value,
             "active": self.active,
-            "metered": self.metered,
+            "metered": self.is_metered,
             "quality": self.quality,
             "month_bytes": self.month_bytes,
             "findings": [finding.as_dict() for finding in self.findings],
@@ -134,10 +134,10 @@ def decibels(text: str | None, low: float, high: float, unit: str = "dBm") -> fl
 
 def megabits(text: str | None) -> float | None:
     """Read a rate in Mbit/s: `54.0Mbps-20MHz/1S`, `144.4Mbps`, `1.2Gbps`, `286800000`; a rate of 0 means no frame."""
-    stripped = (text or "").strip()
-    if stripped.isdecimal():
-        return int(stripped) / _BARE_BITS if int(stripped) >= _BARE_BITS else None
-    match = _RATE.fullmatch(stripped)
+    word = (text or "").strip()
+    if word.isdecimal():
+        return int(word) / _BARE_BITS if int(word) >= _BARE_BITS else None
+    match = _RATE.fullmatch(word)
     value = float(match[1]) * _PER_MEGABIT[match[2].lower()] if match is not None else 0.0
     return round(value, 3) or None
 
@@ -151,19 +151,19 @@ def percent(text: str | None) -> float | None:
 
 def seconds(text: str | None) -> float | None:
     """Read an interval: `6h24m21s`, `1w2d`, `0ms`, `00:15:54`."""
-    stripped = (text or "").strip()
-    if clock := _CLOCK.fullmatch(stripped):
+    word = (text or "").strip()
+    if clock := _CLOCK.fullmatch(word):
         weeks, days, hours, minutes, rest = (int(part or 0) for part in clock.groups())
         return float((((weeks * 7 + days) * 24 + hours) * 60 + minutes) * 60 + rest)
-    if not _SPAN.fullmatch(stripped):
+    if not _SPAN.fullmatch(word):
         return None
-    return sum(float(count) * _SECONDS[unit] for count, unit in _UNIT.findall(stripped))
+    return sum(float(count) * _SECONDS[unit] for count, unit in _UNIT.findall(word))
 
 
 def whole(text: str | None) -> int | None:
     """Read a whole number."""
-    stripped = (text or "").strip()
-    return int(stripped) if stripped.isascii() and stripped.isdecimal() else None
+    word = (text or "").strip()
+    return int(word) if word.isascii() and word.isdecimal() else None
 
 
 def yes(text: str | None) -> bool | None:

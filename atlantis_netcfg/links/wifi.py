@@ -69,7 +69,7 @@ class WifiPeer:
     tx_ccq_percent: float | None = None
     rx_ccq_percent: float | None = None
     uptime_s: float | None = None
-    authorised: bool | None = None
+    is_authorised: bool | None = None
     """Whether the key was right; None: not said."""
 
     @property
@@ -95,7 +95,7 @@ class WifiReading:
     overall_ccq_percent: float | None = None
     """Of an access point in the family `wireless`: of all its clients together."""
     peers: tuple[WifiPeer, ...] = ()
-    associated: bool | None = None
+    is_associated: bool | None = None
     """Whether somebody is registered; None: it cannot be told."""
 
 
@@ -109,7 +109,7 @@ _HALF_CHANNEL_MHZ = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WifiExpected:
+class WifiSettings:
     """What the declaration says of this end."""
 
     peer: str
@@ -127,27 +127,27 @@ class WifiExpected:
     strongest_dbm: float = -35.0
 
 
-def judge(reading: WifiReading, expected: WifiExpected) -> tuple[BearerFinding, ...]:
+def judge(reading: WifiReading, settings: WifiSettings) -> tuple[BearerFinding, ...]:
     """Everything that is wrong or worth knowing; empty if the bridge is as declared and well heard."""
-    if reading.associated:
-        return tuple(_association(reading, expected))
-    return (_apart(reading, expected),)
+    if reading.is_associated:
+        return tuple(_association(reading, settings))
+    return (_apart(reading, settings),)
 
 
 def link_state(reading: WifiReading) -> LinkState:
     """What the radio itself says of its link; no probe has been sent."""
-    if reading.associated is None:
+    if reading.is_associated is None:
         return LinkState.SEARCHING if reading.condition is WifiCondition.RADAR else LinkState.UNKNOWN
-    if reading.associated:
-        refused = bool(reading.peers) and all(peer.authorised is False for peer in reading.peers)
-        return LinkState.DOWN if refused else LinkState.UP
+    if reading.is_associated:
+        is_unauthorised = bool(reading.peers) and all(peer.is_authorised is False for peer in reading.peers)
+        return LinkState.DOWN if is_unauthorised else LinkState.UP
     waiting = {WifiCondition.SEARCHING, WifiCondition.RADAR, WifiCondition.RUNNING}
     return LinkState.SEARCHING if reading.condition in waiting else LinkState.DOWN
 
 
-def quality(reading: WifiReading, expected: WifiExpected | None = None) -> Quality:
+def quality(reading: WifiReading, settings: WifiSettings | None = None) -> Quality:
     """The readings of a `BearerStatus`, of the declared peer if it is registered, else of the first one."""
-    peer = _declared_peer(reading, expected)
+    peer = _declared_peer(reading, settings)
     result: Quality = {"status": reading.status, "channel": reading.channel}
     names = ("signal_dbm", "tx_signal_dbm", "snr_db", "tx_rate_mbps", "rx_rate_mbps", "tx_ccq_percent")
     for name in (*names, "rx_ccq_percent", "uptime_s"):
@@ -158,51 +158,51 @@ def quality(reading: WifiReading, expected: WifiExpected | None = None) -> Quali
     return result
 
 
-def _declared_peer(reading: WifiReading, expected: WifiExpected | None) -> WifiPeer | None:
-    ours = [peer for peer in reading.peers if expected is not None and _is_declared(peer, expected)]
+def _declared_peer(reading: WifiReading, settings: WifiSettings | None) -> WifiPeer | None:
+    ours = [peer for peer in reading.peers if settings is not None and _is_declared(peer, settings)]
     return next(iter((*ours, *reading.peers)), None)
 
 
-def _is_declared(peer: WifiPeer, expected: WifiExpected) -> bool | None:
+def _is_declared(peer: WifiPeer, settings: WifiSettings) -> bool | None:
     """Tell whether this is the declared peer; None where nothing is known by which to tell."""
-    if expected.peer_macs and peer.mac is not None:
-        return peer.mac in expected.peer_macs
-    if expected.peer_radio_name is not None and peer.radio_name is not None:
-        return peer.radio_name == expected.peer_radio_name
+    if settings.peer_macs and peer.mac is not None:
+        return peer.mac in settings.peer_macs
+    if settings.peer_radio_name is not None and peer.radio_name is not None:
+        return peer.radio_name == settings.peer_radio_name
     return None
 
 
-def _apart(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
+def _apart(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
     """Why nobody is registered."""
     if reading.condition is WifiCondition.DISABLED:
         hint = "run the site to enable it, or look who has disabled it"
         return BearerFinding(Verdict.FAIL, "radio-disabled", "the radio is switched off", hint)
     if reading.condition is WifiCondition.RADAR:
-        return _radar(reading, expected)
-    if reading.associated is None:
+        return _radar(reading, settings)
+    if reading.is_associated is None:
         status = f"`{reading.status}`" if reading.status else "nothing"
-        message = f"it cannot be told whether {expected.peer} is registered: the radio's state is {status}"
+        message = f"it cannot be told whether {settings.peer} is registered: the radio's state is {status}"
         hint = "look at the radio's own status page, or ask again in a minute"
         return BearerFinding(Verdict.INCONCLUSIVE, "status-unknown", message, hint)
-    if expected.access_point:
-        message = f"the access point is on the air, but {expected.peer} is not registered"
+    if settings.access_point:
+        message = f"the access point is on the air, but {settings.peer} is not registered"
         hint = (
-            f"has {expected.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
+            f"has {settings.peer} power, and does it point here? Then compare SSID, key, protocol and channel at both"
             " ends; after a radar event it may take ten minutes"
         )
         return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
-    message = f"the station searches for `{expected.ssid}` of {expected.peer} and does not find it"
+    message = f"the station searches for `{settings.ssid}` of {settings.peer} and does not find it"
     hint = (
-        f"is {expected.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
-        f" protocol ({expected.protocol}) and channel ({expected.frequency_mhz} MHz) at both ends"
+        f"is {settings.peer} on, or does it wait for radar? Then align the antennas, and compare SSID, key,"
+        f" protocol ({settings.protocol}) and channel ({settings.frequency_mhz} MHz) at both ends"
     )
     return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
 
 
-def _radar(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
+def _radar(reading: WifiReading, settings: WifiSettings) -> BearerFinding:
     low, high = _LONG_RADAR_WAIT_MHZ
-    channel = reading.channel_mhz or expected.frequency_mhz
-    reach = max(_HALF_CHANNEL_MHZ, expected.width_mhz - _HALF_CHANNEL_MHZ)
+    channel = reading.channel_mhz or settings.frequency_mhz
+    reach = max(_HALF_CHANNEL_MHZ, settings.width_mhz - _HALF_CHANNEL_MHZ)
     long = channel - _HALF_CHANNEL_MHZ < high and channel + reach > low
     if reading.wait_left_s is not None:
         how_long = f"{reading.wait_left_s:.0f} s are left"
@@ -213,45 +213,45 @@ def _radar(reading: WifiReading, expected: WifiExpected) -> BearerFinding:
     return BearerFinding(Verdict.INCONCLUSIVE, "radar-wait", message, hint)
 
 
-def _association(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
-    yield from _company(reading, expected)
-    peer = _declared_peer(reading, expected)
+def _association(reading: WifiReading, settings: WifiSettings) -> Iterator[BearerFinding]:
+    yield from _company(reading, settings)
+    peer = _declared_peer(reading, settings)
     if peer is None or peer.signal_dbm is None:
         message = "somebody is registered, but the radio does not say how well it is heard"
         yield BearerFinding(Verdict.INCONCLUSIVE, "signal-unreadable", message, "look at the radio's own status page")
     if peer is None:
         return
-    if peer.authorised is False:
-        message = f"{expected.peer} is registered but not authorised: the keys differ"
+    if peer.is_authorised is False:
+        message = f"{settings.peer} is registered but not authorised: the keys differ"
         yield BearerFinding(Verdict.FAIL, "not-authorised", message, "compare the bridge's key at both ends")
-    yield from _levels(peer, expected)
+    yield from _levels(peer, settings)
     yield from _flow(reading, peer)
 
 
-def _company(reading: WifiReading, expected: WifiExpected) -> Iterator[BearerFinding]:
-    by_peer = [(peer, _is_declared(peer, expected)) for peer in reading.peers]
-    strangers = [peer.radio_name or peer.mac or "somebody" for peer, declared in by_peer if declared is False]
+def _company(reading: WifiReading, settings: WifiSettings) -> Iterator[BearerFinding]:
+    by_peer = [(peer, _is_declared(peer, settings)) for peer in reading.peers]
+    strangers = [peer.radio_name or peer.mac or "somebody" for peer, is_match in by_peer if is_match is False]
     if not strangers:
         return
     names = ", ".join(strangers)
-    if any(declared for _, declared in by_peer):
-        message = f"besides {expected.peer}, {names} is registered"
+    if any(is_match for _, is_match in by_peer):
+        message = f"besides {settings.peer}, {names} is registered"
         yield BearerFinding(Verdict.WARN, "stranger-registered", message, "change the bridge's key at both ends")
     else:
-        message = f"registered to {names}, which is not {expected.peer}"
+        message = f"registered to {names}, which is not {settings.peer}"
         hint = "compare SSID and key; if the other end's radio was exchanged, run the site again"
         yield BearerFinding(Verdict.FAIL, "wrong-peer", message, hint)
 
 
-def _levels(peer: WifiPeer, expected: WifiExpected) -> Iterator[BearerFinding]:
+def _levels(peer: WifiPeer, settings: WifiSettings) -> Iterator[BearerFinding]:
     level = peer.signal_dbm
-    if level is not None and level < expected.weakest_dbm:
-        message = f"{expected.peer} is heard with {level:g} dBm, below {expected.weakest_dbm:g} dBm"
+    if level is not None and level < settings.weakest_dbm:
+        message = f"{settings.peer} is heard with {level:g} dBm, below {settings.weakest_dbm:g} dBm"
         hint = "align both antennas, look for what stands in between, and check the antenna's cables"
         yield BearerFinding(Verdict.WARN, "signal-weak", message, hint)
-    if level is not None and level > expected.strongest_dbm:
+    if level is not None and level > settings.strongest_dbm:
         message = (
-            f"{expected.peer} is heard with {level:g} dBm, above {expected.strongest_dbm:g} dBm: receivers saturate"
+            f"{settings.peer} is heard with {level:g} dBm, above {settings.strongest_dbm:g} dBm: receivers saturate"
         )
         yield BearerFinding(Verdict.WARN, "signal-strong", message, "reduce `tx_power_dbm` at the other end")
     imbalance = peer.imbalance_db
@@ -292,7 +292,7 @@ _SIGNAL_DBM = (-120.0, -1.0)
 _SNR_DB = (0.0, 120.0)
 _CHAIN = re.compile(r"signal(?:-strength)?-ch(\d)")
 _MHZ = re.compile(r"\d{4}")
-_LEFT = re.compile(r"\d+(?:\.\d+)?(?:ms|[wdhms])(?:\d+(?:\.\d+)?(?:ms|[wdhms]))*|\d+:\d\d:\d\d")
+_TIME_LEFT = re.compile(r"\d+(?:\.\d+)?(?:ms|[wdhms])(?:\d+(?:\.\d+)?(?:ms|[wdhms]))*|\d+:\d\d:\d\d")
 
 
 def queries(family: Family, interface: str) -> tuple[Query, Query]:
@@ -314,28 +314,28 @@ def read(
 
     `interface` leaves out what is registered on other radios of the device.
     """
-    monitored = monitor or {}
-    status = _meaningful(monitored.get("status")) or _meaningful(monitored.get("state"))
+    monitor_row = monitor or {}
+    status = _meaningful(monitor_row.get("status")) or _meaningful(monitor_row.get("state"))
     condition = _condition(status)
     mine = [row for row in registrations or () if interface is None or row.get("interface", interface) == interface]
-    if not mine and condition is WifiCondition.CONNECTED and "bssid" in monitored:
-        mine = [{"mac-address": monitored["bssid"], "radio-name": monitored.get("radio-name", "")}]
+    if not mine and condition is WifiCondition.CONNECTED and "bssid" in monitor_row:
+        mine = [{"mac-address": monitor_row["bssid"], "radio-name": monitor_row.get("radio-name", "")}]
     return WifiReading(
         family=family,
         condition=condition,
         status=status,
-        channel=_meaningful(monitored.get("channel")),
-        channel_mhz=_mhz(monitored.get("channel")),
+        channel=_meaningful(monitor_row.get("channel")),
+        channel_mhz=_mhz(monitor_row.get("channel")),
         wait_left_s=_wait_left(status) if condition is WifiCondition.RADAR else None,
-        overall_ccq_percent=percent(monitored.get("overall-tx-ccq")),
-        peers=tuple(_read_peer(row, monitored) for row in mine),
-        associated=_associated(condition, monitored, mine, complete=registrations is not None),
+        overall_ccq_percent=percent(monitor_row.get("overall-tx-ccq")),
+        peers=tuple(_read_peer(row, monitor_row) for row in mine),
+        is_associated=_is_associated(condition, monitor_row, mine, complete=registrations is not None),
     )
 
 
 def _meaningful(text: str | None) -> str | None:
-    stripped = (text or "").strip()
-    return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
+    word = (text or "").strip()
+    return None if word.lower() in {"", "n/a", "unknown", "none"} else word
 
 
 def _condition(status: str | None) -> WifiCondition:
@@ -349,16 +349,16 @@ def _mhz(channel: str | None) -> int | None:
 
 
 def _wait_left(status: str | None) -> float | None:
-    match = _LEFT.search(status or "")
+    match = _TIME_LEFT.search(status or "")
     return seconds(match[0]) if match is not None else None
 
 
-def _associated(
-    condition: WifiCondition, monitored: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
+def _is_associated(
+    condition: WifiCondition, monitor_row: Mapping[str, str], rows: Sequence[Mapping[str, str]], *, complete: bool
 ) -> bool | None:
     if rows or condition is WifiCondition.CONNECTED:
         return True
-    counts = [whole(monitored.get(name)) for name in ("registered-clients", "registered-peers")]
+    counts = [whole(monitor_row.get(name)) for name in ("registered-clients", "registered-peers")]
     if any(counts):
         return True
     complete = (
@@ -367,10 +367,10 @@ def _associated(
     return False if complete and condition is not WifiCondition.UNKNOWN else None
 
 
-def _read_peer(row: Mapping[str, str], monitored: Mapping[str, str]) -> WifiPeer:
+def _read_peer(row: Mapping[str, str], monitor_row: Mapping[str, str]) -> WifiPeer:
     """Read a row; what it lacks may stand in `monitor`, which speaks of the one access point of a station."""
-    station = "bssid" in monitored or "signal-strength" in monitored
-    both = {**monitored, **row} if station else row
+    station = "bssid" in monitor_row or "signal-strength" in monitor_row
+    both = {**monitor_row, **row} if station else row
     mac = _meaningful(row.get("mac-address"))
     return WifiPeer(
         mac=mac.upper() if mac is not None else None,
@@ -384,7 +384,7 @@ def _read_peer(row: Mapping[str, str], monitored: Mapping[str, str]) -> WifiPeer
         tx_ccq_percent=percent(both.get("tx-ccq")),
         rx_ccq_percent=percent(both.get("rx-ccq")),
         uptime_s=seconds(row.get("uptime")),
-        authorised=yes(row.get("authorized")),
+        is_authorised=yes(row.get("authorized")),
     )
 
 
@@ -393,5 +393,7 @@ def _level(text: str | None) -> float | None:
 
 
 def _chains(row: Mapping[str, str]) -> tuple[float | None, ...]:
-    found = {int(match[1]): value for name, value in row.items() if (match := _CHAIN.fullmatch(name))}
-    return tuple(_level(found.get(number)) for number in range(max(found) + 1)) if found else ()
+    level_by_chain = {int(match[1]): value for name, value in row.items() if (match := _CHAIN.fullmatch(name))}
+    return (
+        tuple(_level(level_by_chain.get(number)) for number in range(max(level_by_chain) + 1)) if level_by_chain else ()
+    )

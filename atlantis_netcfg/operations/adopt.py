@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, complete
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError, complete
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
 from atlantis_netcfg.routeros.console.ssh import host_key_of, open_ssh
@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable
 from atlantis_netcfg.routeros.first_contact.run import FirstContact, features_of
 from atlantis_netcfg.routeros.first_contact.steps import (
     FACTORY_ADDRESS,
-    Adopted,
+    AdoptionOutcome,
     AdoptionStatus,
     AdoptionTarget,
     ConsoleRoute,
@@ -28,17 +28,17 @@ from atlantis_netcfg.runs import (
     NOT_RECORDED,
     ContactStep,
     Journal,
-    JournalFailed,
+    JournalError,
     LockHolder,
     NoJournal,
     Outcome,
     Purpose,
     Recorder,
-    RunEnded,
-    RunStarted,
+    RunEnd,
+    RunStart,
     Store,
     conclude,
-    unrecorded,
+    mark_unrecorded,
 )
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ _CABLE_S = 60.0
 class HostKey:
     """The host key that the device must show; the first one that it shows, where none is known."""
 
-    known: str | None
+    pin: str | None
 
 
 @dataclass(slots=True)
@@ -79,14 +79,14 @@ class SshRoute:
         """Log in; a host key that nobody knows yet is taken from the first session, which sends no password."""
         self.meet()
         address, port = self.locate(SSH_PORT)
-        return open_ssh(address, port, user, password, pin=self.key.known, timeout_s=_CABLE_S)
+        return open_ssh(address, port, user, password, pin=self.key.pin, timeout_s=_CABLE_S)
 
     def meet(self) -> None:
         """See who is there, and remember the host key if none is known; nothing is logged in to."""
         address, port = self._knock()
-        if self.key.known is not None:
+        if self.key.pin is not None:
             return
-        self.key.known = host_key_of(address, port, _CABLE_S)
+        self.key.pin = host_key_of(address, port, _CABLE_S)
 
     def prove(self, pin: str) -> None:
         """Log in by api-ssl as our user under this certificate."""
@@ -147,7 +147,7 @@ class ConsoleAccess:
     @property
     def host_key(self) -> str | None:
         """The host key of the device, once known."""
-        return self.key.known
+        return self.key.pin
 
 
 SSH = "ssh"
@@ -195,56 +195,56 @@ class Adoption:
     factory_passwords: Callable[[], Iterator[Secret]]
     via: str = SSH
     address: str = FACTORY_ADDRESS
-    rehearsed: bool = False
+    is_rehearsal: bool = False
     locate: Callable[[str, int], tuple[str, int]] = lambda address, port: (address, port)
     """Rehearsal: where a service port of an address really is."""
     take_over: bool = False
-    replaced: bool = False
+    is_replacement: bool = False
     wait_s: float = 600.0
     target: AdoptionTarget = field(init=False)
 
     def __post_init__(self) -> None:
-        refuse_examples(self.declaration, rehearsed=self.rehearsed)
+        refuse_examples(self.declaration, is_rehearsal=self.is_rehearsal)
         self.target = target_of(self.declaration, self.host)
 
     def plan(self) -> AdoptionResult:
         """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
-        found = self._contact(NoJournal()).plan()
-        if found.status is AdoptionStatus.ALREADY:
-            return self._unchanged(found, "")
-        message = f"planned: {len(found.steps)} steps; the device is {found.standing}"
-        return self._result(found, ExitCode.CHANGES, message, "")
+        outcome = self._contact(NoJournal()).plan()
+        if outcome.status is AdoptionStatus.ALREADY:
+            return self._unchanged_result(outcome, "")
+        message = f"planned: {len(outcome.steps)} steps; the device is {outcome.standing}"
+        return self._result(outcome, ExitCode.CHANGES, message, "")
 
-    def carry_out(self, agree: Callable[[Adopted], None]) -> AdoptionResult:
+    def carry_out(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
         """Adopt the device under the site's lock, with a journal. Raises NetcfgError, which the journal holds too."""
-        store = Store(self.state, rehearsed=self.rehearsed)
-        with store.lock(self.host.site, self.command), store.start(self._started()) as journal:
-            if self.replaced:
+        store = Store(self.state, is_rehearsal=self.is_rehearsal)
+        with store.lock(self.host.site, self.command), store.start(self._start_record()) as journal:
+            if self.is_replacement:
                 store.pins.change(self.host.name, None)
                 store.pins.change_host_key(self.host.name, None)
-            return self._journalled(journal, agree)
+            return self._adopt_with_journal(journal, agree)
 
-    def _journalled(self, journal: Journal, agree: Callable[[Adopted], None]) -> AdoptionResult:
-        watched = _Watched(journal)
+    def _adopt_with_journal(self, journal: Journal, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
+        change_journal = _ChangeJournal(journal)
         try:
-            found = self._contact(watched).adopt(agree)
+            outcome = self._contact(change_journal).adopt(agree)
         except NetcfgError as error:
-            failure = self._end(journal, _status(error, touched=watched.touched), error.exit, str(error))
+            failure = self._end(journal, _status(error, has_changes=change_journal.touched), error.exit, str(error))
             if failure is not None:
                 error.args = (f"{error}; {NOT_RECORDED}: {failure}",)
             raise
-        if found.status is AdoptionStatus.ALREADY:
-            result = self._unchanged(found, journal.run)
+        if outcome.status is AdoptionStatus.ALREADY:
+            result = self._unchanged_result(outcome, journal.run)
         else:
-            message = f"adopted: {len(found.steps)} steps, read back; {self.target.host} is on {self.target.port}"
-            result = self._result(found, ExitCode.DONE, message, journal.run)
-        return unrecorded(result, self._end(journal, result.status, result.exit, result.message))
+            message = f"adopted: {len(outcome.steps)} steps, read back; {self.target.host} is on {self.target.port}"
+            result = self._result(outcome, ExitCode.DONE, message, journal.run)
+        return mark_unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
     def _contact(self, journal: Recorder) -> FirstContact:
-        pins = Store(self.state, rehearsed=self.rehearsed).pins
+        pins = Store(self.state, is_rehearsal=self.is_rehearsal).pins
         return FirstContact(
             target=self.target,
-            routes=self._ways(None if self.replaced else self._access.host_key or pins.host_key(self.host.name)),
+            routes=self._ways(None if self.is_replacement else self._access.host_key or pins.host_key(self.host.name)),
             pins=pins,
             journal=journal,
             notify=self.notify,
@@ -255,10 +255,10 @@ class Adoption:
 
     @property
     def _access(self) -> Access:
-        return managed(self.declaration, self.host).access
+        return get_managed_device(self.declaration, self.host).access
 
-    def _ways(self, pinned: str | None) -> ConsoleAccess:
-        key = HostKey(pinned)
+    def _ways(self, pin: str | None) -> ConsoleAccess:
+        key = HostKey(pin)
         final = self._ssh(self.target.host, key)
         first: ConsoleRoute = final
         if self.via.startswith(SERIAL):
@@ -270,22 +270,26 @@ class Adoption:
     def _ssh(self, address: str, key: HostKey) -> SshRoute:
         return SshRoute(address, self.target, key, lambda port: self.locate(address, port))
 
-    def _result(self, found: Adopted, code: ExitCode, message: str, run: str) -> AdoptionResult:
-        notes = (*(complete(note, site=self.host.site) for note in found.notes), *self._missing(found), *self._stale())
-        state = found.standing.value
-        return AdoptionResult(self.host.name, found.status.value, code, message, state, found.steps, notes, run)
+    def _result(self, outcome: AdoptionOutcome, code: ExitCode, message: str, run: str) -> AdoptionResult:
+        notes = (
+            *(complete(note, site=self.host.site) for note in outcome.notes),
+            *self._missing(outcome),
+            *self._stale(),
+        )
+        state = outcome.standing.value
+        return AdoptionResult(self.host.name, outcome.status.value, code, message, state, outcome.steps, notes, run)
 
-    def _unchanged(self, found: Adopted, run: str) -> AdoptionResult:
-        return self._result(found, ExitCode.DONE, "already adopted: nothing was changed", run)
+    def _unchanged_result(self, outcome: AdoptionOutcome, run: str) -> AdoptionResult:
+        return self._result(outcome, ExitCode.DONE, "already adopted: nothing was changed", run)
 
-    def _missing(self, found: Adopted) -> Iterator[str]:
+    def _missing(self, outcome: AdoptionOutcome) -> Iterator[str]:
         """What `provision site=...` will ask for, and what no first contact can make."""
-        there = {row.get("name") for row in found.facts.certificates} if found.facts else set()
-        for prerequisite in managed(self.declaration, self.host).prerequisites():
+        there = {row.get("name") for row in outcome.facts.certificates} if outcome.facts else set()
+        for prerequisite in get_managed_device(self.declaration, self.host).prerequisites():
             if (
                 prerequisite.menu == "/certificate"
                 and prerequisite.name not in there
-                and found.status is not AdoptionStatus.PLANNED
+                and outcome.status is not AdoptionStatus.PLANNED
             ):
                 yield (
                     f"certificate {prerequisite.name} is not on the device yet ({prerequisite.reason}): "
@@ -294,33 +298,35 @@ class Adoption:
 
     def _stale(self) -> Iterator[str]:
         """What the inventory still says of another certificate, or of another SSH server."""
-        pins, name = Store(self.state, rehearsed=self.rehearsed).pins, self.host.name
-        for key, declared, pinned in (
+        pins, name = Store(self.state, is_rehearsal=self.is_rehearsal).pins, self.host.name
+        for key, declared_pin, saved_pin in (
             ("fingerprint", self._access.fingerprint, pins.get(name)),
             ("host_key", self._access.host_key, pins.host_key(name)),
         ):
-            if declared and pinned and declared != pinned:
-                yield f"the inventory declares `{key}: {declared}`: until it says {pinned}, the device is refused"
+            if declared_pin and saved_pin and declared_pin != saved_pin:
+                yield (
+                    f"the inventory declares `{key}: {declared_pin}`: until it says {saved_pin}, the device is refused"
+                )
 
-    def _started(self) -> RunStarted:
-        return RunStarted(
+    def _start_record(self) -> RunStart:
+        return RunStart(
             site=self.host.site,
             revision=self.declaration.revision,
             tool=__version__,
             hosts=(self.host.name,),
-            rehearsed=self.rehearsed,
+            rehearsed=self.is_rehearsal,
             command=self.command,
             purpose=Purpose.ADOPT,
             by=f"{LockHolder.me(self.command).user} on {socket.gethostname()}",
         )
 
-    def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> JournalFailed | None:
+    def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> JournalError | None:
         """Record the end; a disk that is full by now is told in the result, which must not be lost over it."""
         outcome = Outcome(device=self.host.name, status=status, exit=int(code), message=message)
-        return conclude(journal, outcome, RunEnded(exit=int(code)))
+        return conclude(journal, outcome, RunEnd(exit=int(code)))
 
 
-class _Watched:
+class _ChangeJournal:
     """A journal that knows whether anything was typed that changes the device."""
 
     def __init__(self, journal: Journal) -> None:
@@ -341,22 +347,22 @@ class _Watched:
         self._journal.confirm(device, text)
 
 
-def _status(error: NetcfgError, *, touched: bool) -> str:
+def _status(error: NetcfgError, *, has_changes: bool) -> str:
     if error.exit is ExitCode.UNKNOWN:
         return "unknown"
-    return _HALF if touched else "refused"
+    return _HALF if has_changes else "refused"
 
 
 def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
     """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
-    if not handled(host):
-        raise NothingMatched(
+    if not is_supported(host):
+        raise NoMatchError(
             f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",
             hint="its own pages say how it is set up",
         )
-    known = managed(declaration, host)
-    access, place = known.access, known.place
-    desired = parse(known.texts()[0].text, source=f"the desired text of {host.name}")
+    managed_device = get_managed_device(declaration, host)
+    access, place = managed_device.access, managed_device.place
+    desired_state = parse(managed_device.texts()[0].text, source=f"the desired text of {host.name}")
     return AdoptionTarget(
         name=host.name,
         user=access.user,
@@ -364,10 +370,10 @@ def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
         address=place.address,
         technician=place.technician,
         port=place.port,
-        ports=known.hardware.ports,
+        ports=managed_device.hardware.ports,
         model=host.device.model,
         api_port=access.port,
-        features=features_of(desired),
-        certificates=known.certificates,
-        radio=any(statement.menu.startswith(_WIRELESS) for statement in desired.statements),
+        features=features_of(desired_state),
+        certificates=managed_device.certificates,
+        radio=any(statement.menu.startswith(_WIRELESS) for statement in desired_state.statements),
     )

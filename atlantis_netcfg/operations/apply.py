@@ -11,12 +11,12 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.processes.worker import run_until_settled
 from atlantis_netcfg.operations.common.costs import Costs, gate
 from atlantis_netcfg.operations.common.jobs import device_job
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import (
     EventStream,
     Mode,
@@ -29,18 +29,18 @@ from atlantis_netcfg.operations.common.schedule import RunUnit, far_bearer, memb
 from atlantis_netcfg.routeros import Status, fleet
 from atlantis_netcfg.runs import (
     Journal,
-    JournalFailed,
+    JournalError,
     NoJournal,
     NoSuchRun,
     Purpose,
     Recorder,
-    RunEnded,
-    RunResumed,
-    RunStarted,
+    RunEnd,
+    RunResume,
+    RunStart,
     SavedState,
     Store,
     conclude,
-    unrecorded,
+    mark_unrecorded,
 )
 from atlantis_netcfg.runs.report.drift import drift_lines
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.pair import Pair
 
 
-class Ended(Protocol):
+class HostResult(Protocol):
     """What a turn has to know of a device's result."""
 
     @property
@@ -81,10 +81,10 @@ class SiteRun:
     """
 
     def __init__(
-        self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request, called: RunName
+        self, declaration: Declaration, site: str, hosts: Sequence[Host], request: Request, run_name: RunName
     ) -> None:
         self._declaration = declaration
-        self._called = called
+        self._run_name = run_name
         self._site = site
         self._request = request
         self._hosts = sorted(host.name for host in hosts if host.site == site)
@@ -103,19 +103,19 @@ class SiteRun:
             return
         request = self._request
         if not request.mode.reads_only:
-            store = Store(request.state, rehearsed=request.rehearsed)
+            store = Store(request.state, is_rehearsal=request.rehearsed)
             with ExitStack() as opening:
                 opening.enter_context(store.lock(self._site, request.command))
                 journal = opening.enter_context(self._journal(store))
                 self._open = opening.pop_all()
             self.journal, self.run = journal, journal.run
-            self._called.name = self._called.name or journal.run
+            self._run_name.name = self._run_name.name or journal.run
         elif not request.rehearsed:
             # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
             self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
         self._opened = True
 
-    def ended(self, result: Ended) -> JournalFailed | None:
+    def finish(self, result: HostResult) -> JournalError | None:
         """Take the result of one of its devices; after the last one, write the last record and free the site.
 
         Returns why that could not be written: the result of this device says so. A run that is not recorded to its end
@@ -125,7 +125,7 @@ class SiteRun:
         self._ends.append(result.exit)
         failure = None
         if not self._left:
-            failure = conclude(self.journal, RunEnded(exit=int(worst(self._ends))))
+            failure = conclude(self.journal, RunEnd(exit=int(worst(self._ends))))
             self.run = "" if failure is not None else self.run
             self.close()
         return failure
@@ -138,11 +138,11 @@ class SiteRun:
     def _journal(self, store: Store) -> Journal:
         request, revision = self._request, self._declaration.revision
         if request.mode is Mode.RESUME and request.run is not None:
-            resumed = RunResumed(revision=revision, tool=__version__, command=request.command)
+            record = RunResume(revision=revision, tool=__version__, command=request.command)
             with suppress(NoSuchRun):  # it had not come to this site, which has the other end of a bridge
-                return store.resume(self._site, request.run, resumed)
+                return store.resume(self._site, request.run, record)
         return store.start(
-            RunStarted(
+            RunStart(
                 site=self._site,
                 revision=revision,
                 tool=__version__,
@@ -154,7 +154,7 @@ class SiteRun:
                 purpose=Purpose.BACKUP if request.mode is Mode.BACKUP else Purpose.CONFIGURE,
                 prepares=request.prepares,
             ),
-            self._called.name,
+            self._run_name.name,
         )
 
 
@@ -175,43 +175,48 @@ def perform(
 
     Of `hosts`, those that the engine does not handle are passed over, and have no entry.
     """
-    with open_request(request, plan_only=plan_only) as (performed, channel):
-        results = _perform(declaration_of(inventory, decrypt), hosts, performed, channel)
+    with open_request(request, plan_only=plan_only) as (run_request, channel):
+        results = _perform(declaration_of(inventory, decrypt), hosts, run_request, channel)
     return _for_ansible(results, hosts)
 
 
-def _logged(result: DeviceResult, request: Request) -> DeviceResult:
+def _log_fault(result: DeviceResult, request: Request) -> DeviceResult:
     """A fault of ours on one device goes to a log file, and its place into the result."""
     if result.fault is None:
         return result
-    return replace(result, hint=crashed(result.fault, request.command, lambda: request.state).hint)
+    return replace(result, hint=report_crash(result.fault, request.command, lambda: request.state).hint)
 
 
 def _perform(
     declaration: Declaration, names: Sequence[str], request: Request, channel: EventStream
 ) -> dict[str, Mapping[str, Any]]:
     """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
-    refuse_examples(declaration, rehearsed=request.rehearsed)
-    members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
+    refuse_examples(declaration, is_rehearsal=request.rehearsed)
+    members = members_of(declaration, [name for name in names if is_supported(declaration.hosts[name])], request)
     hosts = [host for member in members for host in member.hosts]
     gate(declaration, hosts, request)
-    store, costs = Store(request.state, rehearsed=request.rehearsed), Costs(declaration, request)
-    called = RunName()
+    store, costs = Store(request.state, is_rehearsal=request.rehearsed), Costs(declaration, request)
+    run_name = RunName()
     site_runs = {
-        site: SiteRun(declaration, site, hosts, request, called) for site in sorted({item.site for item in hosts})
+        site: SiteRun(declaration, site, hosts, request, run_name) for site in sorted({item.site for item in hosts})
     }
     results: dict[str, Mapping[str, Any]] = {}
-    bridged = [member.bridge.ends for member in members if member.bridge is not None]
-    others = {end.name: other_end.name for ends in bridged for end, other_end in (ends, ends[::-1])}
+    bridge_ends = [member.bridge.ends for member in members if member.bridge is not None]
+    others = {end.name: other_end.name for ends in bridge_ends for end, other_end in (ends, ends[::-1])}
 
-    def ended(result: DeviceResult) -> None:
+    def finish(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
-        paid = costs.report(result, site_runs[site].journal, store)
-        recorded = unrecorded(_logged(result, request), site_runs[site].ended(result))
-        notes = list(dict.fromkeys((*paid["notes"], *recorded.notes)))
-        results[recorded.name] = {**recorded.as_dict(), **paid, "notes": notes, "other_end": others.get(recorded.name)}
+        cost_report = costs.report(result, site_runs[site].journal, store)
+        final_result = mark_unrecorded(_log_fault(result, request), site_runs[site].finish(result))
+        notes = list(dict.fromkeys((*cost_report["notes"], *final_result.notes)))
+        results[final_result.name] = {
+            **final_result.as_dict(),
+            **cost_report,
+            "notes": notes,
+            "other_end": others.get(final_result.name),
+        }
         channel.outcome(
-            {recorded.name: results[recorded.name]},
+            {final_result.name: results[final_result.name]},
             {} if request.mode.reads_only else {site: {"routers": site_runs[site].run}},
         )
 
@@ -219,7 +224,7 @@ def _perform(
         for site_run in site_runs.values():
             stack.callback(site_run.close)
         waiting = _waiting(costs, members, site_runs, channel)
-        run_until_settled(fleet.stream(waiting, ended, mode=request.mode.value))
+        run_until_settled(fleet.stream(waiting, finish, mode=request.mode.value))
     return results
 
 
@@ -231,27 +236,27 @@ def _waiting(
     A bridge to another site waits for its turn in any case: only its two ends fail if somebody works at that site.
     """
 
-    def begun(site: str) -> SiteRun:
+    def start_site(site: str) -> SiteRun:
         site_runs[site].begin()
         channel.outcome({}, {site: {"routers": site_runs[site].run}} if site_runs[site].run else {})
         return site_runs[site]
 
     def job_of(host: Host) -> DeviceJob:
-        site_run = begun(host.site)
+        site_run = start_site(host.site)
         job = device_job(costs.declaration, host, costs.request, site_run.journal, channel.event)
-        return costs.beside(replace(job, confirmed=site_run.confirmed.get(host.name)))
+        return costs.beside(replace(job, confirmed_state=site_run.confirmed.get(host.name)))
 
     def make(member: RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:
             return job_of(member.hosts[0])
         for site in sorted({host.site for host in member.hosts}):
-            begun(site)
+            start_site(site)
         near, far = (job_of(host) for host in member.bridge.ends)
         pair = pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
         return replace(pair, grace_s=_REHEARSED_GRACE_S) if costs.request.rehearsed else pair
 
     alone = len({host.site for member in members if member.bridge is None for host in member.hosts}) == 1
-    ordered = sorted(members, key=lambda member: member.hosts[0].site)
+    ordered_members = sorted(members, key=lambda member: member.hosts[0].site)
     return [
         fleet.Waiting(
             member.hosts[0].name,
@@ -259,7 +264,7 @@ def _waiting(
             member.bridge.far.name if member.bridge is not None else None,
             member.after,
         )
-        for member in (members if alone else ordered)
+        for member in (members if alone else ordered_members)
     ]
 
 

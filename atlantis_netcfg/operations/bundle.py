@@ -17,7 +17,7 @@ from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, B
 from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest, require_programs, run
 from atlantis_netcfg.computers.bundle.open import Bundle, open_bundle
 from atlantis_netcfg.computers.bundle.requirements import (
-    BundleRefused,
+    BundleError,
     BundleTarget,
     ContainerArchive,
     HostRequirements,
@@ -29,10 +29,10 @@ from atlantis_netcfg.computers.bundle.requirements import (
 )
 from atlantis_netcfg.computers.bundle.resolve import archive
 from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4, find, require_tools
-from atlantis_netcfg.computers.image.facts import ImageRefused
+from atlantis_netcfg.computers.image.facts import ImageError
 from atlantis_netcfg.computers.image.source import checksum, expand
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.inventory import Declaration, Host, choose
 from atlantis_netcfg.inventory.model import ImageLayout, Repository, ServerComputer, SiteComputer
@@ -56,7 +56,7 @@ def from_file(path: Path) -> BundleTarget:
     try:
         status = path.read_bytes()
     except OSError as error:
-        raise BundleRefused(
+        raise BundleError(
             f"{path} cannot be read: {error.strerror or error}", hint=f"`status=` names a copy of the board's {_STATUS}"
         ) from error
     return read_target(status, str(path))
@@ -65,20 +65,18 @@ def from_file(path: Path) -> BundleTarget:
 def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> BundleTarget:
     """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
     if not image.is_file():
-        raise ImageRefused(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
+        raise ImageError(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
     require_tools("e2fsck", "debugfs")
     device = host.device
-    declared = (
-        device.image.layout if isinstance(device, SiteComputer) and device.image is not None else ImageLayout.PLAIN
-    )
+    layout = device.image.layout if isinstance(device, SiteComputer) and device.image is not None else ImageLayout.PLAIN
     with temporary.folder("bundle", temporary.roomy()) as folder:
         copy = folder / "image"
         expand(image, copy, checksum(image), tell)
-        root = Ext4(copy, find(copy, LAYOUTS[declared]).root)
+        root = Ext4(copy, find(copy, LAYOUTS[layout]).root)
         root.recover()
         status = root.read(_STATUS)
     if status is None:
-        raise BundleRefused(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
+        raise BundleError(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
     return read_target(status, image.name)
 
 
@@ -87,18 +85,18 @@ def from_board(declaration: Declaration, host: Host, request: Request) -> Bundle
     access = PARTS[ACCESS](declaration, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
     if access.get("metered"):
-        raise BundleRefused(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
+        raise BundleError(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _READ_STATUS]
-    done = run(["ssh", *words])
-    if done.returncode != 0:
-        text = done.stderr.decode(errors="replace").strip()
+    process = run(["ssh", *words])
+    if process.returncode != 0:
+        text = process.stderr.decode(errors="replace").strip()
         why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no word", others)
-        raise BundleRefused(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
+        raise BundleError(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
     try:
-        status = gzip.decompress(done.stdout)
+        status = gzip.decompress(process.stdout)
     except (OSError, EOFError, zlib.error) as error:
-        raise BundleRefused(f"{host.name}: its answer was cut off", hint="type the same again") from error
+        raise BundleError(f"{host.name}: its answer was cut off", hint="type the same again") from error
     return read_target(status, f"{host.name}:{_STATUS}")
 
 
@@ -106,9 +104,9 @@ def bundle_hosts(declaration: Declaration, site: str, only: Sequence[str] = ()) 
     """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
     hosts = tuple(host for host in choose(declaration, site, only) if isinstance(host.device, SiteComputer))
     if not hosts:
-        named = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
-        raise NothingMatched(
-            f"{named}: bundles are for gateways, control centres and operator stations, and none is selected",
+        scope = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
+        raise NoMatchError(
+            f"{scope}: bundles are for gateways, control centres and operator stations, and none is selected",
             hint="they are the hosts of groups `gateways`, `control_centres` and `operator_stations`",
         )
     return hosts
@@ -129,7 +127,7 @@ def wish_of(
     result = [
         part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
     ]
-    expected: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
+    expected_release: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
     return HostRequirements(
         host=host.name,
         packages=tuple(
@@ -146,8 +144,8 @@ def wish_of(
         pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
         libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
         archives=_archives(declaration, host),
-        distribution=expected.get("distribution"),
-        codename=expected.get("codename"),
+        distribution=expected_release.get("distribution"),
+        codename=expected_release.get("codename"),
     )
 
 
@@ -160,12 +158,12 @@ def _archives(declaration: Declaration, host: Host) -> tuple[ContainerArchive, .
     if not isinstance(host.device, ServerComputer):
         return ()
     boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
-    found = [
+    archives = [
         (declaration.root / IMAGES / box.archive, box.sha256.lower())
         for box in boxes
         if box is not None and box.archive is not None and box.sha256 is not None
     ]
-    return tuple(ContainerArchive(*each) for each in dict.fromkeys(found))
+    return tuple(ContainerArchive(*each) for each in dict.fromkeys(archives))
 
 
 def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
@@ -179,8 +177,8 @@ def has_tokens(declaration: Declaration) -> bool:
 
 def _repositories(declaration: Declaration) -> tuple[Repository, ...]:
     interop = declaration.pilot.gateways.interop
-    declared = (interop.library, interop.examples) if interop is not None else ()
-    return tuple(repository for repository in declared if repository is not None)
+    repositories = (interop.library, interop.examples) if interop is not None else ()
+    return tuple(repository for repository in repositories if repository is not None)
 
 
 def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
@@ -208,22 +206,24 @@ class BundleRequest:
     keyring: Path | None = None
 
 
-def made(requested: BundleRequest, notify: Subscriber, sized: Callable[[BundleSize], None]) -> Manifest:
-    """Make the bundle; `sized` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
-    refuse_examples(requested.declaration, rehearsed=False)
+def make_bundle(bundle_request: BundleRequest, notify: Subscriber, on_size: Callable[[BundleSize], None]) -> Manifest:
+    """Make the bundle; `on_size` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
+    refuse_examples(bundle_request.declaration, is_rehearsal=False)
     require_programs()
-    purposes = tuple(_purpose(requested, host, notify) for host in requested.hosts)
-    order = BundleOrder(requested.site, requested.declaration.revision, purposes, requested.place, requested.image)
+    purposes = tuple(_purpose(bundle_request, host, notify) for host in bundle_request.hosts)
+    order = BundleOrder(
+        bundle_request.site, bundle_request.declaration.revision, purposes, bundle_request.place, bundle_request.image
+    )
 
     def tell(words: str, share: float | None) -> None:
-        shown = "" if share is None else f" {100 * share:.0f} %"
-        for host in requested.hosts:
-            notify(Event(host.name, Stage.OBSERVED, f"{words}{shown}"))
+        percentage = "" if share is None else f" {100 * share:.0f} %"
+        for host in bundle_request.hosts:
+            notify(Event(host.name, Stage.OBSERVED, f"{words}{percentage}"))
 
-    return make(order, Keys.of(requested.request.state).signer(), tell, sized)
+    return make(order, Keys.of(bundle_request.request.state).signer(), tell, on_size)
 
 
-def opened(
+def open_for_hosts(
     declaration: Declaration, hosts: Sequence[Host], place: Path, request: Request, *, accept: str | None = None
 ) -> Bundle:
     """Open a bundle for these hosts; it holds all that the declaration wants. Raises BundleRefused with all it lacks.
@@ -234,20 +234,22 @@ def opened(
     return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(requested: BundleRequest, host: Host, notify: Subscriber) -> BundlePurpose:
-    request = wish_of(requested.declaration, host, requested.request, tokens=True)
-    target = _target(requested, host, notify)
-    notify(Event(host.name, Stage.OBSERVED, f"{target.shown}, {len(target.installed)} packages"))
-    missing = any(not each.fits(target.installed.get(each.name)) for each in request.packages)
-    return BundlePurpose(request, target, archive(target, requested.mirror, requested.keyring) if missing else None)
+def _purpose(bundle_request: BundleRequest, host: Host, notify: Subscriber) -> BundlePurpose:
+    request = wish_of(bundle_request.declaration, host, bundle_request.request, tokens=True)
+    target = _target(bundle_request, host, notify)
+    notify(Event(host.name, Stage.OBSERVED, f"{target.title}, {len(target.installed_packages)} packages"))
+    missing = any(not each.fits(target.installed_packages.get(each.name)) for each in request.packages)
+    return BundlePurpose(
+        request, target, archive(target, bundle_request.mirror, bundle_request.keyring) if missing else None
+    )
 
 
-def _target(requested: BundleRequest, host: Host, notify: Subscriber) -> BundleTarget:
-    if requested.status is not None:
-        return from_file(requested.status)
-    if requested.image is not None:
-        name = requested.image.name
+def _target(bundle_request: BundleRequest, host: Host, notify: Subscriber) -> BundleTarget:
+    if bundle_request.status is not None:
+        return from_file(bundle_request.status)
+    if bundle_request.image is not None:
+        name = bundle_request.image.name
         notify(Event(host.name, Stage.CONNECTING, f"looking into {name}"))
-        return from_image(host, requested.image, lambda _done, _total: None)
+        return from_image(host, bundle_request.image, lambda _count, _total: None)
     notify(Event(host.name, Stage.CONNECTING, "asking what is installed"))
-    return from_board(requested.declaration, host, requested.request)
+    return from_board(bundle_request.declaration, host, bundle_request.request)

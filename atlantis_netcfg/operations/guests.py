@@ -10,7 +10,7 @@ import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError, UsageError, nearest
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import ETHERNET, Column, Guest
 from atlantis_netcfg.inventory.new_inventory.yaml_text import document
@@ -57,7 +57,7 @@ class GuestEntry:
     @property
     def tree(self) -> dict[str, Tree]:
         """As it is written, in this order."""
-        known = [str(column) for column in Column if column in self.cells]
+        columns = [str(column) for column in Column if column in self.cells]
         more: dict[str, Tree] = {"ethernet": True} if ETHERNET in self.cells else {}
         more |= {"distribution": self.distribution} if self.distribution is not None else {}
         more |= {"openvpn": self.openvpn} if self.openvpn is not None else {}
@@ -68,15 +68,15 @@ class GuestEntry:
             "partner": self.partner,
             "until": self.until,
             "tested_at": list(self.sites),
-            "table3": known,
+            "table3": columns,
             **more,
         }
 
     def same(self, guest: Guest) -> bool:
         """Whether this guest is declared already; what a person has added is left out of it."""
-        made = Guest.model_validate(self.tree)
+        expected_guest = Guest.model_validate(self.tree)
         names = ("name", "kind", "partner", "until", "tested_at", "table3", "ethernet", "distribution", "openvpn")
-        return all(getattr(made, name) == getattr(guest, name) for name in names)
+        return all(getattr(expected_guest, name) == getattr(guest, name) for name in names)
 
 
 def text_of(root: Path) -> str | None:
@@ -104,8 +104,8 @@ def without_guest(text: str, name: str) -> str | None:
     if first is None:
         raise UsageError(f"`{name}` is not written in {FILE} as this command writes it", hint="remove it there by hand")
     last = next((number for number in range(first + 1, len(lines)) if re.match(r" {0,2}\S", lines[number])), len(lines))
-    left = "".join([*lines[:first], *lines[last:]])
-    return None if left == "\n".join([*_HEAD, "---", "guests:"]) + "\n" else left
+    remaining_text = "".join([*lines[:first], *lines[last:]])
+    return None if remaining_text == "\n".join([*_HEAD, "---", "guests:"]) + "\n" else remaining_text
 
 
 def declared_guest(declaration: Declaration, name: str) -> Guest | None:
@@ -128,12 +128,12 @@ def members_of(authority: Authority, name: str) -> tuple[Member, ...]:
     return tuple(member for member in members if member.vehicle == name and member.partner is not None)
 
 
-def unknown(declaration: Declaration, name: str) -> NothingMatched:
+def unknown(declaration: Declaration, name: str) -> NoMatchError:
     """There is no such guest, and never was."""
     guests = [key for key, vehicle in declaration.vehicles.items() if isinstance(vehicle, Guest)]
     near = nearest(name, guests)
     hint = f"did you mean `{near}`?" if near else f"there are: {', '.join(guests) or 'none'}"
-    return NothingMatched(f"there is no guest `{name}`", hint=hint)
+    return NoMatchError(f"there is no guest `{name}`", hint=hint)
 
 
 def remove_handouts(authority: Authority, members: Sequence[Member]) -> None:
@@ -145,14 +145,14 @@ def remove_handouts(authority: Authority, members: Sequence[Member]) -> None:
 
 def left_over(root: Path, authority: Authority, name: str) -> tuple[str, ...]:
     """What is still there of a guest that was ended, in words; read anew from the declaration and the record."""
-    found = []
+    leftovers = []
     if name in load(root).vehicles:
-        found.append(f"`{name}` still stands in {FILE}")
+        leftovers.append(f"`{name}` still stands in {FILE}")
     if (robot := robot_file(root, name)).exists():
-        found.append(f"{robot} is still there")
+        leftovers.append(f"{robot} is still there")
     for member in members_of(authority, name):
         if member.good:
-            found.append(f"`{member.name}` still has a good certificate")
+            leftovers.append(f"`{member.name}` still has a good certificate")
         places = [authority.folder / "handouts" / item.common_name for item in member.certificates]
-        found += [f"{place} is still there" for place in places if place.exists()]
-    return tuple(found)
+        leftovers += [f"{place} is still there" for place in places if place.exists()]
+    return tuple(leftovers)

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.computers.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
-from atlantis_netcfg.computers.image.facts import ImageRefused, ImageRequest, StaticNetwork
+from atlantis_netcfg.computers.image.facts import ImageError, ImageRequest, StaticNetwork
 from atlantis_netcfg.computers.image.plan import customise
-from atlantis_netcfg.computers.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.computers.image.source import SourceKind, UnpackedImage, checksum, expand, segments
 from atlantis_netcfg.computers.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
 from atlantis_netcfg.core import paths, temporary
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, UsageError
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.inventory.model import AddressBy, Image, SiteComputer
 from atlantis_netcfg.runs import Store, write_atomically
@@ -63,14 +63,14 @@ class Receipt:
             self._keep(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
             raise
 
-    def written(self, written: WrittenCard) -> None:
+    def write_result(self, card: WrittenCard) -> None:
         """Keep what was read back."""
         counts = {
-            "data": written.data,
-            "cleared": written.cleared,
-            "skipped": written.skipped,
-            "compared": written.compared,
-            "seconds": round(written.seconds, 3),
+            "data": card.data,
+            "cleared": card.cleared,
+            "skipped": card.skipped,
+            "compared": card.compared,
+            "seconds": round(card.seconds, 3),
         }
         self._keep(outcome="written", bytes=counts, ended=datetime.now(UTC).isoformat())
 
@@ -79,9 +79,9 @@ class Receipt:
         write_atomically(self.path, f"{json.dumps(self.content, indent=1, ensure_ascii=False)}\n".encode())
 
 
-def image_told(name: str, expanded: Expanded) -> dict[str, str]:
+def image_told(name: str, image: UnpackedImage) -> dict[str, str]:
     """The vendor's file in a receipt."""
-    return {"name": name, "sha256": expanded.sha256, "confirmed_by": expanded.told_by or "nobody"}
+    return {"name": name, "sha256": image.sha256, "confirmed_by": image.told_by or "nobody"}
 
 
 def _image_of(host: Host) -> tuple[SiteComputer, Image]:
@@ -134,7 +134,7 @@ _STAGES = {
 }
 
 
-class ImageStopped(DeviceFailed):
+class ImageInterruptError(DeviceError):
     """Somebody stopped the work before a card was touched."""
 
 
@@ -153,7 +153,7 @@ class ImageOrder:
         """Refuse what can be known before the long work. Raises UsageError."""
         layout_of(self.host)
         if not self.image.is_file():
-            raise ImageRefused(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
+            raise ImageError(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
         checksum(self.image, self.sha256)
         require_tools(*PROGRAMS)
 
@@ -163,7 +163,7 @@ class MadeImage:
     """The host's image as a working copy, which ends with the context."""
 
     order: ImageOrder
-    expanded: Expanded
+    image: UnpackedImage
     notes: tuple[str, ...]
     """What a person should know."""
     notify: Subscriber
@@ -171,40 +171,40 @@ class MadeImage:
     def onto(self, card: Card) -> tuple[WrittenCard, Path]:
         """Write it; return what was read back, and where that is on record. Raises DeviceRefused, CardUnfinished."""
         order = self.order
-        size = -(-self.expanded.size // card.shown.sector) * card.shown.sector
+        size = -(-self.image.size // card.disk.sector) * card.disk.sector
         card.still(size)
-        values = image_told(order.image.name, self.expanded)
+        values = image_told(order.image.name, self.image)
         receipt = Receipt.of(order.state, order.declaration, order.host, values)
-        parts = segments(self.expanded.path, size, self.expanded.mapped)
-        with receipt.writing(card.shown):
-            written = write(self.expanded.path, parts, card, self._tell)
-        receipt.written(written)
-        return written, receipt.path
+        parts = segments(self.image.path, size, self.image.spans)
+        with receipt.writing(card.disk):
+            result = write(self.image.path, parts, card, self._tell)
+        receipt.write_result(result)
+        return result, receipt.path
 
     def into(self, file: Path) -> int:
         """Keep it as a file, which appears whole or not at all; return its size. Raises UsageError."""
         try:
             with temporary.folder("image", file.parent) as scratch:
                 whole = scratch / file.name
-                with self.expanded.path.open("rb") as copy, whole.open("xb") as out:
-                    for part in segments(self.expanded.path, self.expanded.size):
+                with self.image.path.open("rb") as copy, whole.open("xb") as out:
+                    for part in segments(self.image.path, self.image.size):
                         if part.kind is SourceKind.DATA:
                             _copy(copy.fileno(), out.fileno(), part.start, part.size)
-                    out.truncate(self.expanded.size)
+                    out.truncate(self.image.size)
                     os.fsync(out.fileno())
                 file.hardlink_to(whole)
         except FileExistsError:
             raise UsageError(f"{file} is there already", hint="name a new file, or remove that one") from None
         except OSError as error:
             raise UsageError(f"{file} cannot be written: {error.strerror}") from error
-        return self.expanded.size
+        return self.image.size
 
     def _tell(self, progress: Progress) -> None:
         self.notify(_event(self.order.host.name, progress))
 
 
 @contextmanager
-def made(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
+def prepare_image(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
     """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
     place = temporary.roomy()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
@@ -214,24 +214,29 @@ def made(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
         try:
             ready = _make(order, folder, notify)
         except KeyboardInterrupt as error:
-            raise ImageStopped(f"stopped while the image of {name} was made: no card was touched") from error
+            raise ImageInterruptError(f"stopped while the image of {name} was made: no card was touched") from error
         yield ready
 
 
 def _make(order: ImageOrder, folder: Path, notify: Subscriber) -> MadeImage:
     name = order.host.name
     meter = WriteMeter(WriterStep.UNPACKING, lambda progress: notify(_event(name, progress)))
-    expanded = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
-    source = f"{order.image.name}, SHA-256 {expanded.sha256}"
-    notes = customise(expanded.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
+    image = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
+    source = f"{order.image.name}, SHA-256 {image.sha256}"
+    notes = customise(image.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
     notify(Event(name, Stage.PLANNED, "customised, and every change read back"))
-    if not expanded.told_by:
-        notes = (f"nobody has confirmed the checksum of {order.image.name}: {expanded.sha256}", *notes)
-    return MadeImage(order, expanded, notes, notify)
+    if not image.told_by:
+        notes = (f"nobody has confirmed the checksum of {order.image.name}: {image.sha256}", *notes)
+    return MadeImage(order, image, notes, notify)
 
 
 def _event(name: str, progress: Progress) -> Event:
-    data = {"done": progress.done, "total": progress.total, "rate_bps": progress.rate_bps, "left_s": progress.left_s}
+    data = {
+        "done": progress.done_bytes,
+        "total": progress.total,
+        "rate_bps": progress.rate_bps,
+        "left_s": progress.left_s,
+    }
     return Event(name, _STAGES[progress.step], progress.words, data=data)
 
 

@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched, nearest
+from atlantis_netcfg.core.errors import NoMatchError, nearest
 from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.runs import NoSuchRun, SavedState, StateDamaged, Store
+from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, SavedState, Store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Host
     from atlantis_netcfg.routeros._items import RowItem
-    from atlantis_netcfg.routeros.desired import Desired
+    from atlantis_netcfg.routeros.desired import DesiredState
 
 
 _UNIT = {"/ip/service": frozenset({"certificate"})}
 """Properties that stay what they are on the replacement."""
 
 
-def for_replacement(saved: _items.Desired, declared: _items.Desired) -> _items.Desired:
+def for_replacement(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> _items.DesiredState:
     """Return the saved state with the secrets of the declaration, and without what belongs to the old box.
 
     What the device gives itself (addresses of its hardware, what its ports can do) is not in a saved state in the first
@@ -32,21 +32,21 @@ def for_replacement(saved: _items.Desired, declared: _items.Desired) -> _items.D
     saved state never holds: they come from the declaration, where it has them.
     """
     items = {
-        path: tuple(_with_secrets(_unit(item), _twins(item, declared)) for item in rows)
-        for path, rows in saved.items.items()
+        path: tuple(_with_secrets(_unit(item), _twins(item, desired_state)) for item in rows)
+        for path, rows in saved_state.items.items()
     }
-    return replace(saved, items=items, notes=(*saved.notes, *_newer(saved, declared)))
+    return replace(saved_state, items=items, notes=(*saved_state.notes, *_newer(saved_state, desired_state)))
 
 
-def for_any_box(saved: _items.Desired) -> _items.Desired:
+def for_any_box(saved_state: _items.DesiredState) -> _items.DesiredState:
     """Return the saved state without what belongs to the box it was read from: an emulated one has its own."""
-    return replace(saved, items={path: tuple(map(_unit, rows)) for path, rows in saved.items.items()})
+    return replace(saved_state, items={path: tuple(map(_unit, rows)) for path, rows in saved_state.items.items()})
 
 
-def _newer(saved: _items.Desired, declared: _items.Desired) -> tuple[str, ...]:
+def _newer(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> tuple[str, ...]:
     """Return a note on menus that are declared by now, and of which the saved state says nothing."""
-    menus = [MENUS[path] for path in declared.menus if path not in saved.items]
-    titles = ", ".join(menu.title for menu in menus if menu.exported and not menu.readonly)
+    menus = [MENUS[path] for path in desired_state.menus if path not in saved_state.items]
+    titles = ", ".join(menu.title for menu in menus if menu.is_exported and not menu.readonly)
     return (f"not in the saved state, and left as they are: {titles}",) if titles else ()
 
 
@@ -56,62 +56,62 @@ def _unit(item: RowItem) -> RowItem:
     return replace(item, values=values, unknown=item.unknown | local)
 
 
-def _twins(item: RowItem, declared: _items.Desired) -> list[RowItem]:
+def _twins(item: RowItem, desired_state: _items.DesiredState) -> list[RowItem]:
     """Return the declared rows that are the saved one; rows without keys have no secrets."""
     if not MENUS[item.menu].keys:
         return []
-    return [other for other in declared.items.get(item.menu, ()) if other.identity == item.identity]
+    return [other for other in desired_state.items.get(item.menu, ()) if other.identity == item.identity]
 
 
 def _with_secrets(item: RowItem, twins: list[RowItem]) -> RowItem:
-    known: Mapping[str, str | None] = {
+    known_values: Mapping[str, str | None] = {
         name: twin.values[name] for twin in twins for name in item.unknown if twin.values.get(name)
     }
-    secrets = {name: value for name, value in known.items() if name in MENUS[item.menu].secrets}
+    secrets = {name: value for name, value in known_values.items() if name in MENUS[item.menu].secrets}
     return replace(item, values={**item.values, **secrets}, unknown=item.unknown - secrets.keys())
 
 
 LATEST = "latest"
 """Instead of a run: the last one that confirmed a state of the device."""
 
-_SHOWN = 5
+_MAX_RUNS = 5
 
 
-def confirmed_state(state: Path, host: Host, run: str, *, rehearsed: bool = False) -> SavedState:
+def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = False) -> SavedState:
     """Find what a run has read back of a device. Raises NothingMatched naming the runs that have.
 
     A rehearsal takes real states, and where there are none those of earlier rehearsals; a real run only real ones.
     """
-    stores = [Store(state, rehearsed=emulated) for emulated in ((False, True) if rehearsed else (False,))]
+    stores = [Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))]
     latest = {store: states for store in stores if (states := store.last_confirmed(host.site, (host.name,)))}
     if not latest:
-        raise NothingMatched(
+        raise NoMatchError(
             f"no run has confirmed a state of {host.name}",
             hint=f"`provision site={host.site}` keeps what it reads back at its end; `provision runs` lists all runs",
         )
     store = next(iter(latest))
-    named = (_state_of(each, host, run) for each in latest)
-    found = latest[store][host.name] if run == LATEST else next(filter(None, named), None)
-    if found is None:
-        known = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
-        near = nearest(run, [*known, LATEST])
-        listed = f"these have: {', '.join(known[-_SHOWN:])}; or type `to={LATEST}`"
-        raise NothingMatched(
+    matches = (_state_of(each, host, run) for each in latest)
+    saved_state = latest[store][host.name] if run == LATEST else next(filter(None, matches), None)
+    if saved_state is None:
+        run_ids = [item.id for item in store.runs(host.site) if item.confirmed_state(host.name) is not None]
+        near = nearest(run, [*run_ids, LATEST])
+        choices = f"these have: {', '.join(run_ids[-_MAX_RUNS:])}; or type `to={LATEST}`"
+        raise NoMatchError(
             f"run {run} has confirmed no state of {host.name}",
-            hint=f"did you mean `to={near}`? {listed}" if near else listed,
+            hint=f"did you mean `to={near}`? {choices}" if near else choices,
         )
-    if run == LATEST and (damage := store.damage_since(host.site, found.run)):
-        raise StateDamaged(
+    if run == LATEST and (damage := store.damage_since(host.site, saved_state.run)):
+        raise DamagedStateError(
             f"{damage}; a later state of {host.name} may be lost",
-            hint=f"to take the last one that can be read, type `to={found.run}`",
+            hint=f"to take the last one that can be read, type `to={saved_state.run}`",
         )
-    return found
+    return saved_state
 
 
-def restored(confirmed: SavedState, declared: Desired) -> Desired:
+def read_replacement(saved_state: SavedState, desired_state: DesiredState) -> DesiredState:
     """Read a confirmed state as what a replacement shall be. Raises StateDamaged, RscError."""
-    saved = snapshot.read(confirmed.text(), f"the state that run {confirmed.run} confirmed")
-    return for_replacement(saved, declared)
+    replacement = snapshot.read(saved_state.text(), f"the state that run {saved_state.run} confirmed")
+    return for_replacement(replacement, desired_state)
 
 
 def _state_of(store: Store, host: Host, run: str) -> SavedState | None:

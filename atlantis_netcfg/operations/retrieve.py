@@ -17,7 +17,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources_of
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError, nearest
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NoMatchError, OutcomeUnknown, UsageError, nearest
 from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
@@ -51,11 +51,11 @@ _SPARE: Final = 1.25
 """How much more than expected may be sent before the transfer ends by itself: connections that had to be made anew."""
 _ANSWER_S: Final = 300.0
 _NO_PROGRAM: Final = "can't open file"
-_STARTED: Final = ("collecting", "sending", "waiting")
+_ACTIVE_STATES: Final = ("collecting", "sending", "waiting")
 Source = RetrievalSource | RetrievalRobot
 
 
-class GatewayAway(DeviceFailed):
+class GatewayAway(DeviceError):
     """The gateway was not reached, and nothing was changed there."""
 
 
@@ -63,41 +63,41 @@ class BeginningUnknown(OutcomeUnknown):
     """The gateway was told to begin, and its answer did not come."""
 
 
-class NotBegun(DeviceFailed):
+class NotBegun(DeviceError):
     """The gateway has said why it does not begin."""
 
 
 def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Source, Host]:
     """The one source of a site, or the named one, and the gateway that sends. Raises NothingMatched, UsageError."""
     if declaration.pilot.retrieval is None:
-        raise NothingMatched(
+        raise NoMatchError(
             "no recordings are declared to be retrieved",
             hint="write `retrieval:` in group_vars/all/pilot.yml: docs/retrieve.md has an example",
         )
     if site not in declaration.sites:
         near = nearest(site, declaration.sites)
-        listed = f"the sites are: {', '.join(declaration.sites)}"
+        site_names = f"the sites are: {', '.join(declaration.sites)}"
         raise UsageError(
             f"`site={site}`: recordings are retrieved from one site at a time",
-            hint=f"did you mean `site={near}`? {listed}" if near else listed,
+            hint=f"did you mean `site={near}`? {site_names}" if near else site_names,
         )
     sources = {
         source.name: source for host in declaration.site_hosts(site) for source in sources_of(declaration, host.name)
     }
     if not sources:
-        raise NothingMatched(
+        raise NoMatchError(
             f"no recordings of {site} are declared to be retrieved",
             hint="add a gateway of it to `retrieval.sources` in group_vars/all/pilot.yml",
         )
     choices = f"choose one of these: {', '.join(f'`from={each}`' for each in sources)}"
     if name is None and len(sources) > 1:
         raise UsageError(f"{site} has recordings of more than one computer", hint=choices)
-    chosen = next(iter(sources)) if name is None else name
-    source = sources.get(chosen)
+    source_name = next(iter(sources)) if name is None else name
+    source = sources.get(source_name)
     if source is None:
-        near = nearest(chosen, sources)
+        near = nearest(source_name, sources)
         raise UsageError(
-            f"`from={chosen}`: no recordings of it are declared at {site}",
+            f"`from={source_name}`: no recordings of it are declared at {site}",
             hint=f"did you mean `from={near}`? {choices}" if near else choices,
         )
     return source, declaration.hosts[source.host]
@@ -148,9 +148,11 @@ def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
     """Pure."""
     if not isinstance(source, RetrievalRobot):
         return None
-    seen = look["robot"]
-    files, octets, lacking = (int(seen[name]) for name in ("files", "bytes", "lacking"))
-    return RobotLook(source.robot, source.host, seen["state"], files, octets, lacking, seen.get("why", ""))
+    robot_values = look["robot"]
+    files, octets, lacking = (int(robot_values[name]) for name in ("files", "bytes", "lacking"))
+    return RobotLook(
+        source.robot, source.host, robot_values["state"], files, octets, lacking, robot_values.get("why", "")
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +197,7 @@ class RetrievalPlan:
     @property
     def cap_bytes(self) -> int | None:
         """At what the transfer ends by itself; over a link that is free at nothing."""
-        if not self.link.metered:
+        if not self.link.is_metered:
             return None
         most = round(self.wire_bytes * _SPARE)
         return most if self.link.cap_bytes is None else min(most, self.link.cap_bytes)
@@ -229,9 +231,15 @@ class RetrievalPlan:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data."""
-        seen = {name: self.look[name] for name in ("files", "bytes", "compared", "kept", "writing", "unnamed")}
+        counts = {name: self.look[name] for name in ("files", "bytes", "compared", "kept", "writing", "unnamed")}
         robot = {} if self.robot is None else {"robot": self.robot.as_dict()}
-        return {**seen, **robot, "rate_bps": self.rate_bps, "seconds": round(self.seconds), "cost": self.cost.as_dict()}
+        return {
+            **counts,
+            **robot,
+            "rate_bps": self.rate_bps,
+            "seconds": round(self.seconds),
+            "cost": self.cost.as_dict(),
+        }
 
 
 def plan(declaration: Declaration, source: Source, link: str, look: Mapping[str, Any]) -> RetrievalPlan:
@@ -267,7 +275,7 @@ class RetrievalStatus:
     def state(self) -> str:
         """As its program says; `none`: there was no transfer, `lost`: it has ended without a word."""
         state = str(self.answer["state"])
-        return "lost" if state in _STARTED and not self.runs else state
+        return "lost" if state in _ACTIVE_STATES and not self.runs else state
 
     @property
     def runs(self) -> bool:
@@ -275,21 +283,21 @@ class RetrievalStatus:
         return bool(self.answer["running"] or self.answer["job"])
 
     @property
-    def left(self) -> Mapping[str, Sequence[str]]:
+    def missing_files(self) -> Mapping[str, Sequence[str]]:
         """Files that were not retrieved, by the reason."""
         return {name: paths for name, paths in self.answer.get("left", {}).items() if paths}
 
     @property
     def whole(self) -> bool:
         """Whether every file of it was read again at the control centre and found the same."""
-        arrived = self.answer.get("arrived") == self.answer.get("files")
-        return self.state == "done" and not self.left and arrived and not self.answer.get("unseen")
+        is_complete = self.answer.get("arrived") == self.answer.get("files")
+        return self.state == "done" and not self.missing_files and is_complete and not self.answer.get("unseen")
 
     @property
-    def spent(self) -> Bill:
+    def total_cost(self) -> Bill:
         """What it has cost so far."""
         seconds = max(0.0, self.answer.get("at", 0) - self.answer.get("since", 0))
-        tariff = self.link.tariff if self.link is not None and self.link.metered else None
+        tariff = self.link.tariff if self.link is not None and self.link.is_metered else None
         return bill(int(self.answer["wire_bytes"]), seconds, tariff)
 
     @property
@@ -304,13 +312,13 @@ class RetrievalStatus:
     def progress(self) -> str:
         """One line while it goes on."""
         if self.state == "collecting":
-            done, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
+            collected_files, files = self.answer.get("collected", 0), _files(int(self.answer.get("collect", 0)))
             why = f": {self.answer['why']}" if self.answer.get("why") else ""
             here = size(int(self.answer.get("collected_bytes", 0)))
-            return f"collects from {self.source}, {done} of {files}, {here} on the gateway{why}"
+            return f"collects from {self.source}, {collected_files} of {files}, {here} on the gateway{why}"
         wire, files = size(int(self.answer["wire_bytes"])), self.answer.get("files", 0)
         over = f" over {self.answer['link']}" if "link" in self.answer else ""
-        cost = f", {self.spent.money}" if self.link is not None and self.link.metered else ""
+        cost = f", {self.total_cost.money}" if self.link is not None and self.link.is_metered else ""
         of = f"{self.answer.get('arrived', 0)} of {_files(files)} whole, {wire} sent{over}{cost}"
         return f"waits for the control centre, {of}: {self.answer.get('why')}" if self.state == "waiting" else of
 
@@ -329,9 +337,13 @@ class RetrievalStatus:
         }
         if self.state != "done":
             return [*closing[self.state], *self._left_lines()]
-        arrived = int(self.answer.get("arrived", 0))
-        cost = self.spent.words if self.link is not None and self.link.metered else size(self.spent.payload_bytes)
-        same = f"{_files(arrived)}: the same SHA-256 at both ends"
+        arrived_files = int(self.answer.get("arrived", 0))
+        cost = (
+            self.total_cost.words
+            if self.link is not None and self.link.is_metered
+            else size(self.total_cost.payload_bytes)
+        )
+        same = f"{_files(arrived_files)}: the same SHA-256 at both ends"
         return [same, *self._left_lines(), f"{cost} over {self.answer['link']}"]
 
     def _left_lines(self) -> list[str]:
@@ -342,10 +354,10 @@ class RetrievalStatus:
             "unread": f"could not be read on {self.source}, or is there no more",
             "robot": f"is still on {self.source}: {self.answer.get('why') or 'it was not collected'}",
         }
-        lost = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
+        problems = [f"{path}: was not the same at the control centre any more" for path in self.answer.get("lost", ())]
         if self.answer.get("unseen"):
-            lost.append(f"what is on {self.source} was not looked at: {self.answer['unseen']}")
-        return [*lost, *(f"{path}: {words[name]}" for name, paths in self.left.items() for path in paths)]
+            problems.append(f"what is on {self.source} was not looked at: {self.answer['unseen']}")
+        return [*problems, *(f"{path}: {words[name]}" for name, paths in self.missing_files.items() for path in paths)]
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data."""
@@ -354,8 +366,8 @@ class RetrievalStatus:
             "state": self.state,
             "runs": self.runs,
             "whole": self.whole,
-            "left": dict(self.left),
-            "spent": self.spent.as_dict(),
+            "left": dict(self.missing_files),
+            "spent": self.total_cost.as_dict(),
             **{name: self.answer[name] for name in names if name in self.answer},
         }
 
@@ -384,34 +396,34 @@ class RetrievalProgram:
 
     def look(self, selection: RetrievalSelection) -> dict[str, Any]:
         """What there is to send. Raises GatewayAway, DeviceFailed."""
-        seen = self._ask("look", selection.as_dict())
-        if not seen["folder"]:
-            raise DeviceFailed(
-                f"{self.host.name} has no such folder: {seen['place']}",
+        answer = self._ask("look", selection.as_dict())
+        if not answer["folder"]:
+            raise DeviceError(
+                f"{self.host.name} has no such folder: {answer['place']}",
                 hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
             )
-        self._refuse_robot(seen)
-        return seen
+        self._refuse_robot(answer)
+        return answer
 
-    def _refuse_robot(self, seen: Mapping[str, Any]) -> None:
+    def _refuse_robot(self, answer: Mapping[str, Any]) -> None:
         """Raises DeviceFailed where nothing can be brought from the robot, in words for its owner."""
-        source, robot = self.source, robot_look(self.source, seen)
+        source, robot = self.source, robot_look(self.source, answer)
         if robot is None or not isinstance(source, RetrievalRobot):
             return
-        if robot.state == "away" and not seen["files"]:
+        if robot.state == "away" and not answer["files"]:
             hint = "bring it to the LAN of the gateway, with its power on, and type the same again"
-            raise DeviceFailed(f"nothing was collected: {robot.why}", hint=hint)
+            raise DeviceError(f"nothing was collected: {robot.why}", hint=hint)
         if robot.state == "refused":
-            kind = seen["robot"]["kind"]
+            kind = answer["robot"]["kind"]
             line = line_for_robot(self._declaration, source)
             admit = f"its owner installs rsync, and writes this line in authorized_keys of {source.user} on it: {line}"
             trust = f"if it is the robot: write its new key as `host_key` of {robot.name} in `retrieval.robots`"
             hints = {"key": admit, "program": admit, "host_key": trust}
             account = f"let {source.user} read all of {source.folder} on {robot.name}, then type the same again"
-            raise DeviceFailed(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
+            raise DeviceError(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
         if robot.lacking:
             hint = "take fewer files with `files=`, or declare a higher `budget_mb` of it in `retrieval.robots`"
-            raise DeviceFailed(f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint)
+            raise DeviceError(f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint)
 
     def start(self, job: Mapping[str, Any]) -> None:
         """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
@@ -442,7 +454,7 @@ class RetrievalProgram:
         """End it, and say how it stands. Raises GatewayAway, DeviceFailed."""
         answer = self._ask("stop", {})
         if "error" in answer:
-            raise DeviceFailed(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
+            raise DeviceError(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
         return self._status(answer)
 
     def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
@@ -476,16 +488,16 @@ class RetrievalProgram:
             raise self._not_set_up()
         return answer
 
-    def _not_set_up(self) -> DeviceFailed:
+    def _not_set_up(self) -> DeviceError:
         retrieval, name = self._declaration.pilot.retrieval, self.host.name
         centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
-        return DeviceFailed(
+        return DeviceError(
             f"{name} has not been set up for this",
             hint=f"type `provision site={self.host.site} only={name}`, and `provision site={centre.site} "
             f"only={centre.name}`",
         )
 
-    def _failure(self, text: str) -> DeviceFailed:
+    def _failure(self, text: str) -> DeviceError:
         name = self.host.name
         if _NO_PROGRAM in text or "are declared" in text:
             return self._not_set_up()

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, retrieval
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
 from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
 from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
@@ -65,7 +65,7 @@ def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str 
     gateway = _first(declaration.site_hosts(site), Gateway)
     centre = _first(declaration.hosts.values(), ControlCentre)
     if gateway is None or centre is None:
-        raise NothingMatched(
+        raise NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
             hint="docs/retrieve.md says what a transfer of recordings needs",
         )
@@ -73,8 +73,8 @@ def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str 
     for name in (gateway, centre):
         device = hosts[name].device
         assert isinstance(device, ServerComputer)  # noqa: S101 - `_first` has looked
-        known = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
-        hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": known}))
+        ssh_settings = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
+        hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
     example = Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
     pilot = declaration.pilot.model_copy(update={"retrieval": example})
     words = f"no recordings are declared to be retrieved: this is an example, from {gateway} to {centre}"
@@ -92,11 +92,11 @@ class RehearsedTransfer:
 
     program: RetrievalProgram
     recordings: Path
-    kept: Path
+    target_folder: Path
     _relay: Relay
     _way: RelayWay
     cut_s: float = 0.0
-    lost: bool = False
+    is_lost: bool = False
     """The connection, in the gap."""
 
     @property
@@ -124,9 +124,9 @@ class RehearsedTransfer:
         """Let nothing pass until the gateway waits for the control centre."""
         began = time.monotonic()
         self._relay.set(replace(self._way, up=False))
-        while not self.lost and time.monotonic() < began + GAP_S:
+        while not self.is_lost and time.monotonic() < began + GAP_S:
             time.sleep(_LOOK_S)
-            self.lost = self.program.status().state == "waiting"
+            self.is_lost = self.program.status().state == "waiting"
         self._relay.set(self._way)
         self.cut_s = time.monotonic() - began
 
@@ -136,7 +136,7 @@ class RehearsedTransfer:
         cut = "the link was not cut on the way"
         if self.cut_s:
             cut = f"the link was cut for {seconds} s on the way, and the connection outlived it"
-        if self.lost:
+        if self.is_lost:
             cut = f"the link was cut for {seconds} s on the way, and the connection was lost"
         return [
             f"{size(self.sent_bytes)} went over the emulated link for {size(self.recorded_bytes)} of recordings",
@@ -148,7 +148,7 @@ class RehearsedTransfer:
 
     def same(self) -> bool:
         """Whether both folders hold the same files, as this computer reads them."""
-        return _digests(self.recordings) == _digests(self.kept)
+        return _digests(self.recordings) == _digests(self.target_folder)
 
 
 @contextmanager
@@ -159,11 +159,11 @@ def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer)
             "rsync is not installed on this computer, and the rehearsal sends by it",
             hint="type `sudo apt install rsync`, then the same again",
         )
-    declared = declaration.pilot.retrieval
-    assert declared is not None  # noqa: S101 - the source is of it
+    settings = declaration.pilot.retrieval
+    assert settings is not None  # noqa: S101 - the source is of it
     with temporary.folder("retrieve") as root:
-        for name in (source.host, declared.to):
-            for file in retrieval(declaration, declaration.hosts[name], rehearsed=True).files:
+        for name in (source.host, settings.to):
+            for file in retrieval(declaration, declaration.hosts[name], is_rehearsal=True).files:
                 place = root / file.path.lstrip("/")
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_text(file.content)
@@ -177,9 +177,9 @@ def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer)
         _settle(root, source, recordings, relay.port)
         words = [f"{name}={value}" for name, value in environment.items()]
         program = RetrievalProgram(declaration, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb])
-        kept = root / declared.folder.lstrip("/") / source.name
+        target_folder = root / settings.folder.lstrip("/") / source.name
         try:
-            yield RehearsedTransfer(program, recordings, kept, relay, way)
+            yield RehearsedTransfer(program, recordings, target_folder, relay, way)
         finally:
             with suppress(NetcfgError):
                 program.stop()

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import rutos_client
 from atlantis_netcfg.operations.common.jobs import endpoint_of
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS
 from atlantis_netcfg.operations.lte.units import LteUnit
@@ -41,10 +41,10 @@ class DeviceIdentity:
     device: str
     service: str
     """`certificate` or `SSH host key`."""
-    seen: str
-    declared: str | None
+    actual_key: str
+    declared_key: str | None
     """In the inventory, which counts before what is kept on this computer."""
-    pinned: str | None
+    pinned_key: str | None
     """On this computer."""
     compare: str = (
         "compare it where nobody can be in between: at the device itself, on a cable that leads to nothing else"
@@ -52,24 +52,24 @@ class DeviceIdentity:
     """Where the device itself says it."""
 
     @property
-    def known(self) -> bool:
+    def is_known(self) -> bool:
         """Whether it is what it should be."""
-        return self.seen == (self.declared or self.pinned)
+        return self.actual_key == (self.declared_key or self.pinned_key)
 
 
 def has_identity(host: Host) -> bool:
     """Whether anybody logs in to it."""
     unit = isinstance(host.device, LteRouter) and host.device.driver is LteDriver.RUTOS
-    return handled(host) or unit or is_computer(host)
+    return is_supported(host) or unit or is_computer(host)
 
 
 def identities(declaration: Declaration, host: Host, request: Request) -> tuple[DeviceIdentity, ...]:
     """See what a device that is no computer shows: nothing is sent to it. Raises DeviceFailed, UsageError."""
     pins = Store(request.state).pins
-    if handled(host):
-        access = managed(declaration, host).access
+    if is_supported(host):
+        access = get_managed_device(declaration, host).access
         certificate = asyncio.run(certificate_of(endpoint_of(host, access, request)))
-        found = [
+        result = [
             DeviceIdentity(host.name, "certificate", certificate, access.fingerprint, pins.get(host.name), _COMPARE)
         ]
         address, key = (str(access.address), _SSH), access.host_key
@@ -77,32 +77,32 @@ def identities(declaration: Declaration, host: Host, request: Request) -> tuple[
         assert isinstance(host.device, LteRouter)  # noqa: S101 - `has_identity` has said so
         assert host.device.access is not None  # noqa: S101 - inventory/rules/lte.py
         unit = LteUnit(host, host.device, Store(request.state), ignore)
-        declared = host.device.access.fingerprint
+        fingerprint = host.device.access.fingerprint
         certificate = rutos_client.certificate_of(unit.endpoint)
-        found = [DeviceIdentity(host.name, "certificate", certificate, declared, pins.get(host.name))]
+        result = [DeviceIdentity(host.name, "certificate", certificate, fingerprint, pins.get(host.name))]
         if not unit.may_set:
-            return tuple(found)
+            return tuple(result)
         address, key = unit.ssh, host.device.access.host_key
     try:
-        seen = host_key_of(*address)
-    except DeviceFailed:
-        return tuple(found)  # only safe mode of RouterOS below 7.18, files and settings of a 4G unit need it
-    return (*found, DeviceIdentity(host.name, "SSH host key", seen, key, pins.host_key(host.name)))
+        host_key = host_key_of(*address)
+    except DeviceError:
+        return tuple(result)  # only safe mode of RouterOS below 7.18, files and settings of a 4G unit need it
+    return (*result, DeviceIdentity(host.name, "SSH host key", host_key, key, pins.host_key(host.name)))
 
 
 def agree(identity: DeviceIdentity, request: Request) -> None:
     """Keep what a person has agreed to."""
     pins = Store(request.state).pins
     change = pins.change if identity.service == "certificate" else pins.change_host_key
-    change(identity.device, identity.seen)
+    change(identity.device, identity.actual_key)
 
 
 class KeyState(Enum):
     """What OpenSSH's `known_hosts` says of the key that a computer shows."""
 
-    KNOWN = "known"
+    MATCH = "known"
     UNKNOWN = "unknown"
-    CHANGED = "changed"
+    MISMATCH = "changed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +117,7 @@ class TrustedComputer:
         """Compare the key that it shows; nobody logs in. Raises DeviceFailed."""
         words = self._words("-o", "BatchMode=yes", "-o", "StrictHostKeyChecking=yes")
         try:
-            done = subprocess.run(  # noqa: S603 - our own words
+            process = subprocess.run(  # noqa: S603 - our own words
                 words,
                 stdin=subprocess.DEVNULL,
                 capture_output=True,
@@ -127,19 +127,17 @@ class TrustedComputer:
                 check=False,
             )
         except (OSError, subprocess.TimeoutExpired) as error:
-            raise DeviceFailed(
-                f"{self.host.name} was not reached: {error}", hint="is OpenSSH's client here?"
-            ) from error
-        if "IDENTIFICATION HAS CHANGED" in done.stderr:
-            return KeyState.CHANGED
-        if "Host key verification failed" in done.stderr:
+            raise DeviceError(f"{self.host.name} was not reached: {error}", hint="is OpenSSH's client here?") from error
+        if "IDENTIFICATION HAS CHANGED" in process.stderr:
+            return KeyState.MISMATCH
+        if "Host key verification failed" in process.stderr:
             return KeyState.UNKNOWN
-        if done.returncode and "Permission denied" not in done.stderr:
-            last = (done.stderr.strip() or f"exit {done.returncode}").splitlines()[-1]
-            raise DeviceFailed(
+        if process.returncode and "Permission denied" not in process.stderr:
+            last = (process.stderr.strip() or f"exit {process.returncode}").splitlines()[-1]
+            raise DeviceError(
                 f"{self.host.name} was not reached: {last}", hint="look at its power and its cable, then try again"
             )
-        return KeyState.KNOWN
+        return KeyState.MATCH
 
     def ask(self) -> None:
         """Let OpenSSH show the key to whoever is at the terminal, and ask."""

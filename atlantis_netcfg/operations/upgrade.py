@@ -14,7 +14,7 @@ from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, OutcomeUnknown, complete
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
@@ -29,22 +29,22 @@ from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Sess
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
 from atlantis_netcfg.routeros.console.ssh import upload
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
-from atlantis_netcfg.routeros.packages import Installed, Npk, RouterOsPackage, Upgrade, plan, read_npk
+from atlantis_netcfg.routeros.packages import InstalledSystem, Npk, RouterOsPackage, Upgrade, plan, read_npk
 from atlantis_netcfg.runs import (
     Journal,
     NoJournal,
     Outcome,
-    PackagesConfirmed,
+    PackageConfirmation,
     PackageSent,
     Purpose,
     Rebooting,
     Recorder,
-    RunEnded,
-    RunStarted,
+    RunEnd,
+    RunStart,
     StatesOnly,
     Store,
     conclude,
-    unrecorded,
+    mark_unrecorded,
 )
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class Upgrading:
     endpoint: Endpoint
     ssh: SshEndpoint
     """Where files go; without a pinned host key none is sent."""
-    given: tuple[Npk, ...]
+    packages: tuple[Npk, ...]
     give_up: tuple[str, ...] = ()
     notify: Subscriber = lambda _event: None
     waiting: WaitingUpgrade = WaitingUpgrade()
@@ -82,22 +82,22 @@ class Upgrading:
     async def look(self) -> tuple[SeenPackages, Upgrade]:
         """Read the device and decide; nothing is changed. Raises UpgradeRefused, and what a session raises."""
         self._say(Stage.CONNECTING, f"to {self.endpoint}")
-        seen = await look(self.endpoint)
-        self._say(Stage.OBSERVED, f"{seen.installed.board}, RouterOS {seen.installed.version}")
-        strangers = sorted(seen.files.keys() - {package.path.name for package in self.given})
+        observation = await look(self.endpoint)
+        self._say(Stage.OBSERVED, f"{observation.software.board}, RouterOS {observation.software.version}")
+        strangers = sorted(observation.files.keys() - {package.path.name for package in self.packages})
         if strangers:
-            raise DeviceFailed(
+            raise DeviceError(
                 f"other packages lie on the device, and its next reboot would install them: {', '.join(strangers)}",
                 hint="remove them (/file remove), or give them too, then run the same command again",
             )
-        return seen, plan(seen.installed, self.given, give_up=self.give_up)
+        return observation, plan(observation.software, self.packages, give_up=self.give_up)
 
-    async def carry_out(self, seen: SeenPackages, upgrade: Upgrade, journal: Recorder) -> SeenPackages:
+    async def carry_out(self, observation: SeenPackages, upgrade: Upgrade, journal: Recorder) -> SeenPackages:
         """Send, reboot, wait, and return what was read back.
 
         Raises DeviceFailed with the device as it was, or OutcomeUnknown if it has not come back.
         """
-        await self._send(seen, upgrade, journal)
+        await self._send(observation, upgrade, journal)
         journal.write(Rebooting(device=self.name, version=str(upgrade.version)))
         self._say(Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
         before = asyncio.get_running_loop().time()
@@ -105,20 +105,24 @@ class Upgrading:
         back = await self._back(before)
         await self._verify(back, upgrade)
         journal.write(
-            PackagesConfirmed(device=self.name, version=str(back.installed.version), packages=upgrade.expected)
+            PackageConfirmation(
+                device=self.name, version=str(back.software.version), packages=upgrade.expected_packages
+            )
         )
-        self._say(Stage.CONFIRMED, f"RouterOS {back.installed.version}")
+        self._say(Stage.CONFIRMED, f"RouterOS {back.software.version}")
         return back
 
-    async def _send(self, seen: SeenPackages, upgrade: Upgrade, journal: Recorder) -> None:
+    async def _send(self, observation: SeenPackages, upgrade: Upgrade, journal: Recorder) -> None:
         """Put every file on the device; what was put there is taken away again if one does not arrive."""
-        done = 0
+        sent_bytes = 0
         try:
             for package in upgrade.send:
-                if not seen.holds(package):
-                    await asyncio.to_thread(self._upload, package, done, upgrade.size)
-                done += package.size
-                self._say(Stage.APPLYING, f"kB sent, {package.path.name} is whole", done // 1000, upgrade.size // 1000)
+                if not observation.holds(package):
+                    await asyncio.to_thread(self._upload, package, sent_bytes, upgrade.size)
+                sent_bytes += package.size
+                self._say(
+                    Stage.APPLYING, f"kB sent, {package.path.name} is whole", sent_bytes // 1000, upgrade.size // 1000
+                )
             await self._all_there(upgrade)
         except BaseException:
             await _remove(self.endpoint, upgrade.send)
@@ -130,16 +134,16 @@ class Upgrading:
         there = await look(self.endpoint)
         missing = [package.path.name for package in upgrade.send if not there.holds(package)]
         if missing:
-            raise DeviceFailed(f"the device does not take these files for packages: {', '.join(missing)}")
+            raise DeviceError(f"the device does not take these files for packages: {', '.join(missing)}")
 
     def _upload(self, package: Npk, before: int, total: int) -> None:
-        reported = before
+        reported_bytes = before
 
-        def progress(sent: int, _size: int) -> None:
-            nonlocal reported
-            if before + sent - reported >= total // _PROGRESS_STEPS:
-                reported = before + sent
-                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", reported // 1000, total // 1000)
+        def progress(sent_bytes: int, _size: int) -> None:
+            nonlocal reported_bytes
+            if before + sent_bytes - reported_bytes >= total // _PROGRESS_STEPS:
+                reported_bytes = before + sent_bytes
+                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", reported_bytes // 1000, total // 1000)
 
         ssh = self.ssh
         upload(
@@ -168,12 +172,12 @@ class Upgrading:
             self._say(Stage.WAITING, words)
             await asyncio.sleep(self.waiting.poll_s)
             try:
-                seen = await look(endpoint)
-            except DeviceFailed as away:
+                observation = await look(endpoint)
+            except DeviceError as away:
                 why = str(away)
                 continue
-            if seen.uptime_s <= clock() - before + REBOOTED_WITHIN_S:
-                return seen
+            if observation.uptime_s <= clock() - before + REBOOTED_WITHIN_S:
+                return observation
             why = "it answers, but it has not rebooted"
         raise OutcomeUnknown(
             f"{self.name} was told to reboot and is not back after {self.waiting.until_s:.0f} s: {why}",
@@ -182,27 +186,29 @@ class Upgrading:
 
     async def _verify(self, back: SeenPackages, upgrade: Upgrade) -> None:
         """Compare what came back with what was planned. Raises DeviceFailed with the device's own words."""
-        there = {package.name: package for package in back.installed.packages if not package.disabled}
-        wrong = [name for name in upgrade.expected if name not in there or there[name].version != upgrade.version]
-        if back.installed.version == upgrade.version and not wrong:
+        there = {package.name: package for package in back.software.packages if not package.is_disabled}
+        wrong = [
+            name for name in upgrade.expected_packages if name not in there or there[name].version != upgrade.version
+        ]
+        if back.software.version == upgrade.version and not wrong:
             return
         words = await log_of(self.endpoint)
         log_words = f"; its log says: {'; '.join(words)}" if words else ""
         missing = f", without {', '.join(wrong)}" if wrong else ""
-        raise DeviceFailed(
-            f"{self.name} rebooted and runs RouterOS {back.installed.version}{missing}{log_words}",
+        raise DeviceError(
+            f"{self.name} rebooted and runs RouterOS {back.software.version}{missing}{log_words}",
             hint="are the files whole and from MikroTik, for this very board?",
         )
 
-    def _say(self, stage: Stage, message: str, done: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
-        self.notify(Event(self.name, stage, message, done, total, limit_s=limit_s))
+    def _say(self, stage: Stage, message: str, amount: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
+        self.notify(Event(self.name, stage, message, amount, total, limit_s=limit_s))
 
 
 async def _reboot(endpoint: Endpoint) -> None:
     """Tell it; a device that goes down before it has answered has heard us."""
     session = await Session.open(endpoint)
     try:
-        (await session.command(Command("/system/reboot"))).checked()
+        (await session.command(Command("/system/reboot"))).check()
     except SessionLost:
         pass
     finally:
@@ -213,11 +219,11 @@ async def _remove(endpoint: Endpoint, packages: Sequence[Npk]) -> None:
     """Take sent files away, as far as the device can be reached."""
     try:
         session = await Session.open(endpoint)
-    except DeviceFailed:
+    except DeviceError:
         return
     try:
         await session.flight([Command("/file/remove", (("numbers", package.path.name),)) for package in packages])
-    except DeviceFailed:
+    except DeviceError:
         return
     finally:
         await session.close()
@@ -228,7 +234,7 @@ _OVERHEAD = 1.1
 
 
 @dataclass(frozen=True, slots=True)
-class Upgraded:
+class UpgradeResult:
     """How it ended; what is told as done was read back."""
 
     device: str
@@ -263,7 +269,7 @@ class PreparedUpgrade:
     """An upgrade that has been judged and not begun."""
 
     upgrading: Upgrading
-    seen: SeenPackages
+    observation: SeenPackages
     upgrade: Upgrade
     bearer: BearerProfile
     cost: Preview
@@ -287,65 +293,68 @@ class PreparedUpgrade:
         UpgradeRefused and DeviceFailed after.
         """
         if not isinstance(host.device, Router):
-            raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
-        given = tuple(read_npk(path) for path in files)
+            raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
+        packages = tuple(read_npk(path) for path in files)
         gate(declaration, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
         job = device_job(declaration, host, request, NoJournal(), notify)
         assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
-        upgrading = Upgrading(host.name, job.endpoint, job.ssh, given, tuple(give_up), notify, waiting)
-        seen, upgrade = asyncio.run(upgrading.look())
+        upgrading = Upgrading(host.name, job.endpoint, job.ssh, packages, tuple(give_up), notify, waiting)
+        observation, upgrade = asyncio.run(upgrading.look())
         bearer = bearer_of(declaration, host, request.via.get(host.name))
         cost = _cost(upgrade, bearer, link_of(declaration, host.site, bearer.name))
-        return cls(upgrading, seen, upgrade, bearer, cost, job)
+        return cls(upgrading, observation, upgrade, bearer, cost, job)
 
     @property
     def seconds(self) -> float:
         """How long sending takes at the bearer's declared rate; the reboot comes on top."""
         return self.upgrade.size * _OVERHEAD * 8 / self.bearer.rate_up_bps
 
-    def carry_out(self, declaration: Declaration, request: Request) -> Upgraded:
+    def carry_out(self, declaration: Declaration, request: Request) -> UpgradeResult:
         """Do it under the site's lock, with a journal.
 
         Raises CostRefused, SiteBusy and JournalFailed before anything is sent.
         """
         self.affordable(request)
-        if self.bearer.metered and not request.rehearsed and not request.accept_cost:
+        if self.bearer.is_metered and not request.rehearsed and not request.accept_cost:
             raise unpaid([self.cost.words], request.command)
-        store = Store(request.state, rehearsed=request.rehearsed)
-        with store.lock(self.job.site, request.command), store.start(self._started(declaration, request)) as journal:
-            result = self._journalled(journal)
+        store = Store(request.state, is_rehearsal=request.rehearsed)
+        with (
+            store.lock(self.job.site, request.command),
+            store.start(self._start_record(declaration, request)) as journal,
+        ):
+            result = self._run_with_journal(journal)
             outcome = Outcome(
                 device=result.device, status=result.status.value, exit=int(result.exit), message=result.message
             )
-            return unrecorded(result, conclude(journal, outcome, RunEnded(exit=int(result.exit))))
+            return mark_unrecorded(result, conclude(journal, outcome, RunEnd(exit=int(result.exit))))
 
     def affordable(self, request: Request) -> None:
         """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
         if self.cost.over_cap and not request.rehearsed:
             raise self.cost.refusal()
 
-    def planned(self) -> Upgraded:
+    def plan_result(self) -> UpgradeResult:
         """The words for a plan: nothing was sent."""
-        before, after = str(self.seen.installed.version), str(self.upgrade.version)
+        before, after = str(self.observation.software.version), str(self.upgrade.version)
         message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
         names = tuple(package.name for package in self.upgrade.send)
-        return Upgraded(self.job.name, Status.PLANNED, ExitCode.CHANGES, message, None, before, after, names)
+        return UpgradeResult(self.job.name, Status.PLANNED, ExitCode.CHANGES, message, None, before, after, names)
 
-    def unchanged(self) -> Upgraded:
+    def unchanged_result(self) -> UpgradeResult:
         """The words for a device that has all of it."""
-        version = str(self.seen.installed.version)
-        return Upgraded(
+        version = str(self.observation.software.version)
+        return UpgradeResult(
             self.job.name,
             Status.UNCHANGED,
             ExitCode.DONE,
             f"already so: RouterOS {version}",
             before=version,
             after=version,
-            packages=self.upgrade.expected,
+            packages=self.upgrade.expected_packages,
         )
 
-    def _started(self, declaration: Declaration, request: Request) -> RunStarted:
-        return RunStarted(
+    def _start_record(self, declaration: Declaration, request: Request) -> RunStart:
+        return RunStart(
             site=self.job.site,
             revision=declaration.revision,
             tool=__version__,
@@ -355,52 +364,54 @@ class PreparedUpgrade:
             purpose=Purpose.UPGRADE,
         )
 
-    def _journalled(self, journal: Journal) -> Upgraded:
-        before = str(self.seen.installed.version)
+    def _run_with_journal(self, journal: Journal) -> UpgradeResult:
+        before = str(self.observation.software.version)
         try:
             back, differs = asyncio.run(self._run(journal))
         except NetcfgError as failure:
             status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
             hint = failure.hint and complete(failure.hint, site=self.job.site, device=self.job.name)
-            return Upgraded(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
-        after = str(back.installed.version)
-        return Upgraded(
+            return UpgradeResult(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
+        after = str(back.software.version)
+        return UpgradeResult(
             self.job.name,
             Status.CHANGED,
             ExitCode.DONE,
-            f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected)}",
+            f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected_packages)}",
             None,
             before,
             after,
-            self.upgrade.expected,
+            self.upgrade.expected_packages,
             journal.run,
             (_configuration(differs, self.job.site),),
         )
 
     async def _run(self, journal: Journal) -> tuple[SeenPackages, DeviceResult]:
-        saved = await converge(replace(self.job, journal=StatesOnly(journal)), mode=JobMode.BACKUP)
-        if saved.exit is not ExitCode.DONE:
-            raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
-        back = await self.upgrading.carry_out(self.seen, self.upgrade, journal)
+        backup = await converge(replace(self.job, journal=StatesOnly(journal)), mode=JobMode.BACKUP)
+        if backup.exit is not ExitCode.DONE:
+            raise DeviceError(f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint)
+        back = await self.upgrading.carry_out(self.observation, self.upgrade, journal)
         return back, await converge(self.job, mode=JobMode.PLAN)
 
 
 def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview:
     beside = (beforehand(bearer, exports=True), beforehand(bearer), beforehand(bearer))
-    sent = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
-    return preview(sent, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link)
+    sent_bytes = ceil(upgrade.size * _OVERHEAD) + sum(each.wire_bytes for each in beside)
+    return preview(
+        sent_bytes, upgrade.size * _OVERHEAD * 8 / bearer.rate_up_bps + sum(each.seconds for each in beside), link
+    )
 
 
-def _configuration(planned: DeviceResult, site: str) -> str:
+def _configuration(result: DeviceResult, site: str) -> str:
     """Say what the new version made of the configuration."""
-    if planned.exit is ExitCode.DONE:
+    if result.exit is ExitCode.DONE:
         return "the configuration is as declared"
-    if planned.exit is ExitCode.CHANGES:
+    if result.exit is ExitCode.CHANGES:
         return (
-            f"{planned.planned} changes to the declared configuration: look at them with "
-            f"`provision site={site} only={planned.name} --plan`"
+            f"{result.planned_count} changes to the declared configuration: look at them with "
+            f"`provision site={site} only={result.name} --plan`"
         )
-    return f"the configuration could not be compared: {planned.message}"
+    return f"the configuration could not be compared: {result.message}"
 
 
 REBOOTED_WITHIN_S = 5.0
@@ -425,7 +436,7 @@ _LOG_LINES = 6
 class SeenPackages:
     """One look at a device."""
 
-    installed: Installed
+    software: InstalledSystem
     uptime_s: float
     files: Mapping[str, Mapping[str, str]]
     """Package files on its flash, by name, as `/file` shows them."""
@@ -445,19 +456,19 @@ async def look(endpoint: Endpoint) -> SeenPackages:
         resource, packages, radios, files = await session.flight(_READS)
     finally:
         await session.close()
-    about = next(iter(resource.checked().rows), {})
+    about = next(iter(resource.check().rows), {})
     return SeenPackages(
-        Installed(
+        InstalledSystem(
             version=_version(about.get("version", "")),
             architecture=about.get("architecture-name", ""),
             board=about.get("board-name", ""),
             packages=tuple(_packages(packages)),
             free_bytes=_number(about.get("free-hdd-space", "")),
-            radios=tuple(row.get("name", "") for row in radios.checked().rows),
+            radios=tuple(row.get("name", "") for row in radios.check().rows),
             factory=_maybe(about.get("factory-software", "")),
         ),
         uptime_s=_seconds(about.get("uptime", "")),
-        files={row.get("name", ""): row for row in files.checked().rows},
+        files={row.get("name", ""): row for row in files.check().rows},
     )
 
 
@@ -465,11 +476,11 @@ async def log_of(endpoint: Endpoint) -> list[str]:
     """Return what the device wrote about packages, latest last; empty if it cannot be read."""
     try:
         session = await Session.open(endpoint)
-    except DeviceFailed:
+    except DeviceError:
         return []
     try:
         reply = await session.command(Command("/log/print", ((".proplist", "topics,message"),)))
-    except DeviceFailed:
+    except DeviceError:
         return []
     finally:
         await session.close()
@@ -481,7 +492,7 @@ def _packages(reply: Reply) -> list[RouterOsPackage]:
     """Return what is installed; from 7.18 on the list also has packages that a server offers, without a version."""
     return [
         RouterOsPackage(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
-        for row in reply.checked().rows
+        for row in reply.check().rows
         if row.get("version")
     ]
 
@@ -489,7 +500,7 @@ def _packages(reply: Reply) -> list[RouterOsPackage]:
 def _version(text: str) -> Version:
     result = _maybe(text)
     if result is None:
-        raise DeviceFailed(f"this is no RouterOS that we know: it names a version `{text}`")
+        raise DeviceError(f"this is no RouterOS that we know: it names a version `{text}`")
     return result
 
 

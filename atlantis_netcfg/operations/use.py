@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError, complete, nearest
+from atlantis_netcfg.core.errors import DeviceError, NoMatchError, UsageError, complete, nearest
 from atlantis_netcfg.links import LinkState
 from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations.common.request import LinkOrder
@@ -30,14 +30,14 @@ _SPAN = re.compile(r"(?:(\d+)h)?(?:(\d+)m)?")
 _BITS = 8
 PROOF_S: Final = 3600
 """How long a proof holds: by our own judgement, since no source says how long a satellite stays as it was."""
-_UNPROVED = "add `--unproved` if you know that it works, or want to find out"
+_UNPROVED_HINT = "add `--unproved` if you know that it works, or want to find out"
 
 
-class LinkNotFit(DeviceFailed):
+class LinkNotFit(DeviceError):
     """The link is down, or nobody has seen that it works: the traffic of the site stays where it is."""
 
 
-class NothingInUse(NothingMatched):
+class NothingInUse(NoMatchError):
     """`end` was typed, and no link is in use instead of the declared order."""
 
 
@@ -58,10 +58,10 @@ def router_of(declaration: Declaration, site: str) -> Host:
     """Return the router that chooses among the links of a site. Raises UsageError where there is nothing to choose."""
     if site not in declaration.sites:
         near = nearest(site, declaration.sites)
-        listed = f"the sites are: {', '.join(declaration.sites)}"
+        choices = f"the sites are: {', '.join(declaration.sites)}"
         raise UsageError(
             f"`site={site}`: a link is put in use at one site",
-            hint=f"did you mean `site={near}`? {listed}" if near else listed,
+            hint=f"did you mean `site={near}`? {choices}" if near else choices,
         )
     router = declaration.router_of(site)
     bearers = declaration.sites[site].bearers
@@ -81,7 +81,7 @@ class UseRequest:
     site: str
     bearer: Bearer
     for_s: int
-    unproved: bool = False
+    allow_unproved: bool = False
     """A person has said that the link may be taken although nobody has seen that it works."""
 
     def order(self, status: LinksStatus, now: datetime | None = None, *, proof: datetime | None = None) -> LinkOrder:
@@ -98,7 +98,7 @@ class UseRequest:
             since_uptime_s=uptime_s,
             until_uptime_s=uptime_s + self.for_s,
             until=until.replace(second=0, microsecond=0),
-            proved=not self.unproved,
+            proved=not self.allow_unproved,
         )
 
     def cost(self, link: MeteredLink) -> Preview:
@@ -122,21 +122,21 @@ class UseRequest:
         return int(status.uptime_s)
 
     def _refuse_unfit(self, status: LinksStatus, *, is_proved: bool) -> None:
-        found = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
-        if self.unproved or found.state is LinkState.UP:
+        bearer_status = next(bearer for bearer in status.bearers if bearer.name == self.bearer.name)
+        if self.allow_unproved or bearer_status.state is LinkState.UP:
             return
-        why = "; ".join(finding.message for finding in found.findings)
-        if found.state in {LinkState.DOWN, LinkState.SEARCHING}:
+        why = "; ".join(finding.message for finding in bearer_status.findings)
+        if bearer_status.state in {LinkState.DOWN, LinkState.SEARCHING}:
             raise LinkNotFit(
-                f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED
+                f"{self.bearer.name} is down, so nothing was changed: {why or 'nobody answers'}", hint=_UNPROVED_HINT
             )
         if is_proved:
             return
-        hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED}"
+        hint = f"give it two `canaries:` in group_vars/{self.site}.yml, which are asked then; or {_UNPROVED_HINT}"
         if self.bearer.kind.traits.allow_list:
             hint = (
                 f"`provision prove site={self.site} bearer={self.bearer.name} --try-all` tries the VPN over it, which "
-                f"counts for an hour; or {_UNPROVED}"
+                f"counts for an hour; or {_UNPROVED_HINT}"
             )
         raise LinkNotFit(
             f"whether {self.bearer.name} works is not proved, so nothing was changed: nobody asks over it",

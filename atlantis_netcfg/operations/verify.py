@@ -16,7 +16,7 @@ from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.links.lte import rutos_read
 from atlantis_netcfg.operations.common.jobs import endpoint_of
-from atlantis_netcfg.operations.common.kinds import managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device
 from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.lte import assumptions as rutos
@@ -56,9 +56,9 @@ class VerifiedDevice:
     """What a device has shown."""
 
     device: str
-    seen: SeenAnswers
-    tried: bool
-    rehearsed: bool
+    answers: SeenAnswers
+    was_tried: bool
+    is_rehearsal: bool
     at: datetime
     round_trips: int
     bytes: int
@@ -67,7 +67,7 @@ class VerifiedDevice:
 
     def number(self, verdict: Verdict) -> int:
         """How many assumptions were judged so."""
-        return sum(finding.verdict is verdict for finding in self.seen.findings)
+        return sum(finding.verdict is verdict for finding in self.answers.findings)
 
     @property
     def exit(self) -> ExitCode:
@@ -80,11 +80,11 @@ class VerifiedDevice:
         """One object for programs."""
         return {
             "device": self.device,
-            "rehearsed": self.rehearsed,
-            "tried": self.tried,
-            "version": self.seen.version,
-            "board": self.seen.board,
-            "architecture": self.seen.architecture,
+            "rehearsed": self.is_rehearsal,
+            "tried": self.was_tried,
+            "version": self.answers.version,
+            "board": self.answers.board,
+            "architecture": self.answers.architecture,
             "at": self.at.isoformat(timespec="seconds"),
             "round_trips": self.round_trips,
             "bytes": self.bytes,
@@ -94,26 +94,26 @@ class VerifiedDevice:
                     "id": finding.id,
                     "sentence": _ASSUMPTIONS[finding.id].sentence,
                     "rests": _ASSUMPTIONS[finding.id].rests,
-                    "shown": _ASSUMPTIONS[finding.id].shown,
+                    "shown": _ASSUMPTIONS[finding.id].proof,
                     "verdict": finding.verdict.value,
                     "evidence": printable.line(finding.evidence),
                 }
-                for finding in self.seen.findings
+                for finding in self.answers.findings
             ],
             "file": None if self.file is None else str(self.file),
         }
 
     def as_text(self) -> str:
         """The lines for a person: what does not hold first."""
-        seen, where = self.seen, "emulated " if self.rehearsed else ""
+        answers, where = self.answers, "emulated " if self.is_rehearsal else ""
         counts = ", ".join(f"{words}: {self.number(verdict)}" for verdict, words in _COUNTS.items())
-        version = printable.line(f"{seen.system} {seen.version}").rstrip()
+        version = printable.line(f"{answers.system} {answers.version}").rstrip()
         lines = [
-            f"{self.device}: {where}{printable.line(seen.board)}, {version}",
-            f"  {len(seen.findings)} assumptions; {counts}",
+            f"{self.device}: {where}{printable.line(answers.board)}, {version}",
+            f"  {len(answers.findings)} assumptions; {counts}",
         ]
         for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
-            for finding in (item for item in seen.findings if item.verdict is verdict):
+            for finding in (item for item in answers.findings if item.verdict is verdict):
                 lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
                 if verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}:
                     lines += [
@@ -138,7 +138,7 @@ class Verifying:
     """Also by scratch rows under safe mode."""
     silence: bool = False
     """Also by a session that falls silent for ten minutes."""
-    _spent: list[Traffic] = field(default_factory=list)
+    _traffic: list[Traffic] = field(default_factory=list)
 
     @property
     def cost(self) -> Preview:
@@ -156,37 +156,37 @@ class Verifying:
 
     async def _run(self) -> VerifiedDevice:
         if isinstance(device := self.host.device, LteRouter) and device.driver is LteDriver.RUTOS:
-            store = Store(self.request.state, rehearsed=self.request.rehearsed)
+            store = Store(self.request.state, is_rehearsal=self.request.rehearsed)
             unit = LteUnit(self.host, device, store, self.notify, target=self.request.targets.get(self.host.name))
             look = await asyncio.to_thread(rutos_read.read, unit.endpoint)
-            self._spent.append(Traffic(look.requests, look.sent, look.received))
+            self._traffic.append(Traffic(look.requests, look.sent_bytes, look.received_bytes))
             return self._result(rutos.judge(look))
-        found = endpoint_of(self.host, managed(self.declaration, self.host).access, self.request)
-        endpoint = replace(found, opening=self._spent.append)
+        plain_endpoint = endpoint_of(self.host, get_managed_device(self.declaration, self.host).access, self.request)
+        endpoint = replace(plain_endpoint, opening=self._traffic.append)
         self._say(Stage.CONNECTING, "to be read, not changed")
-        seen = await read(endpoint)
+        answers = await read(endpoint)
         if self.tries:
             self._say(Stage.VERIFYING, "trying with scratch rows under safe mode")
-            seen = seen.with_findings(await try_out(endpoint))
+            answers = answers.with_findings(await try_out(endpoint))
         if self.silence:
             self._say(Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
-            seen = seen.with_findings([await fall_silent(endpoint)])
-        return self._result(seen)
+            answers = answers.with_findings([await fall_silent(endpoint)])
+        return self._result(answers)
 
-    def _result(self, seen: SeenAnswers) -> VerifiedDevice:
+    def _result(self, answers: SeenAnswers) -> VerifiedDevice:
         self._say(Stage.DONE, "verified")
-        total = Traffic.total(self._spent)
-        now, tried, rehearsed = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed
-        return VerifiedDevice(self.host.name, seen, tried, rehearsed, now, total.round_trips, total.bytes)
+        total = Traffic.total(self._traffic)
+        now, was_tried, is_rehearsal = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed
+        return VerifiedDevice(self.host.name, answers, was_tried, is_rehearsal, now, total.round_trips, total.bytes)
 
     def _say(self, stage: Stage, message: str) -> None:
         self.notify(Event(self.host.name, stage, message))
 
 
-def written(verified: VerifiedDevice, state: Path) -> VerifiedDevice:
+def write_report(device: VerifiedDevice, state: Path) -> VerifiedDevice:
     """Keep the report in a file of the state directory: no address, no secret, and no name but the device's."""
     folder = paths.private_directory(state / "verify")
-    file = folder / f"{verified.device}-{verified.at:%Y%m%dT%H%M%SZ}.json"
-    result = replace(verified, file=file)
-    write_atomically(file, f"{json.dumps(verified.as_json(), ensure_ascii=False, indent=1)}\n".encode())
+    file = folder / f"{device.device}-{device.at:%Y%m%dT%H%M%SZ}.json"
+    result = replace(device, file=file)
+    write_atomically(file, f"{json.dumps(device.as_json(), ensure_ascii=False, indent=1)}\n".encode())
     return result

@@ -115,7 +115,7 @@ class Goal:
         return len(self.plan) or COMMAND_STEPS
 
     @property
-    def completed(self) -> int:
+    def completed_steps(self) -> int:
         """How many steps are completed."""
         return max(0, len(self.stamps_ns) - 1)
 
@@ -180,7 +180,7 @@ class ActionServer:
             elif now >= goal.due:
                 goal.status, goal.due = GoalStatus.EXECUTING, goal.due + STEP_S
                 goal.stamps_ns.append(stamp_ns)
-                if goal.completed == goal.steps:
+                if goal.completed_steps == goal.steps:
                     goal.status, goal.due = GoalStatus.SUCCEEDED, now
                 changes.append(goal)
         return changes

@@ -1,7 +1,7 @@
 """Hear who publishes in a domain of DDS: on this computer, or as a program that is sent to another one.
 
 It is one file of Python 3.8 and the standard library, which needs one of two libraries: cyclonedds (PyPI: x86_64 alone)
-or ROS 2's own rclpy. What was heard is a mapping in the form of `observation.Observation`, ready for JSON.
+or ROS 2's own rclpy. What was heard is a mapping in the form of `observation.RobotObservation`, ready for JSON.
 
 rclpy does not say who sent a message. Messages of a topic with several publishers are counted together there, and
 configurations are told apart by their text. That way was tried with a stand-in for rclpy alone, never with ROS 2.
@@ -26,7 +26,7 @@ from typing import Any, Callable, Mapping
 
 POLL_S = 0.02
 _AT_ONCE = 64
-_KEPT = 3
+_CONTENT_LIMIT = 3
 """Different messages that are remembered of a topic."""
 _MOST_WRITERS = 2000
 """Publishers that are listened to: a network of robots has fewer."""
@@ -72,16 +72,16 @@ class OtherDomains:
                 self._open(domain, first + 10, address)
 
     def _open(self, domain: int, port: int, address: str) -> None:
-        made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            made.bind(("", port))
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(("", port))
             group = socket.inet_aton(_GROUP) + socket.inet_aton(address)
-            made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
+            sock.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, group)
         except OSError:  # a participant of this computer has it, or there is no multicast here
-            made.close()
+            sock.close()
             return
-        self._sockets.register(made, selectors.EVENT_READ, domain)
+        self._sockets.register(sock, selectors.EVENT_READ, domain)
 
     def poll(self) -> None:
         """Take what has arrived."""
@@ -91,9 +91,9 @@ class OtherDomains:
             with suppress(OSError):
                 data, (address, _port) = source.recvfrom(65535)
                 if data[:4] == b"RTPS" and _SPDP_WRITER in data and len(self.domains) < _MOST_FOREIGN:
-                    known = self.domains.setdefault(address, [])
-                    if key.data not in known:
-                        known.append(key.data)
+                    known_domains = self.domains.setdefault(address, [])
+                    if key.data not in known_domains:
+                        known_domains.append(key.data)
 
     def close(self) -> None:
         """Leave the group."""
@@ -128,18 +128,18 @@ class IdlTypes:
     def _type_of(self, node: Any) -> Any:  # noqa: ANN401 - a type of cyclonedds
         from cyclonedds.idl import types  # noqa: PLC0415 - as above
 
-        made: Any = types  # its types are made by `[…]`, of which its annotations know nothing
+        idl_types: Any = types  # its types are made by `[…]`, of which its annotations know nothing
         kind, of = int(node[0]), node[1]
         if kind == 1:
             if of[0] not in {"string", "wstring"}:
                 return _base(of[0])
-            return made.bounded_str[of[1]] if of[1] else str
+            return idl_types.bounded_str[of[1]] if of[1] else str
         if kind == 2:  # noqa: PLR2004 - rosbags' numbers, as in the next
             return self.idl(of)
         item = self._type_of(of[0])
         if kind == 3:  # noqa: PLR2004 - as above
-            return made.array[item, of[1]]
-        return made.sequence[item, of[1]] if of[1] else made.sequence[item]
+            return idl_types.array[item, of[1]]
+        return idl_types.sequence[item, of[1]] if of[1] else idl_types.sequence[item]
 
 
 def _base(name: str) -> Any:  # noqa: ANN401 - a type of cyclonedds
@@ -176,7 +176,7 @@ def content_hash(data: bytes) -> str:
 
 
 class _HeardLog:
-    """What was heard so far, in the form of an `Observation`."""
+    """What was heard so far, in the form of an `RobotObservation`."""
 
     def __init__(self, topic: str, program: str) -> None:
         self.topic = topic
@@ -220,7 +220,7 @@ class _HeardLog:
         if stamp_s is not None:
             age = time.time() - stamp_s
             row["stamp_age_s"] = age if row["stamp_age_s"] is None else max(age, row["stamp_age_s"], key=abs)
-        if len(row["contents"]) < _KEPT and (digest := content_hash(content)) not in row["contents"]:
+        if len(row["contents"]) < _CONTENT_LIMIT and (digest := content_hash(content)) not in row["contents"]:
             row["contents"].append(digest)
 
     def result(self) -> dict[str, Any]:
@@ -278,7 +278,7 @@ def octets_reader(participant: Any, name: str, kind: Any, qos: Any) -> Any:  # n
     return reader
 
 
-def decoded(kind: Any, data: bytes) -> Any:  # noqa: ANN401 - a message
+def decode(kind: Any, data: bytes) -> Any:  # noqa: ANN401 - a message
     """A message; None: it is none of this type."""
     try:
         return kind.deserialize(data)
@@ -361,7 +361,7 @@ class CycloneListener:
         key = self._handles[handle]
         if key not in self.log.writers:
             return
-        row, message = self.log.writers[key], decoded(kind, sample.data)
+        row, message = self.log.writers[key], decode(kind, sample.data)
         # Cyclone fills a message up to a multiple of four: of a short one that would be a quarter.
         data = sample.data if message is None or len(sample.data) > _SHORT else message.serialize()
         stamp, stamp_s, content = stamp_of(message), None, data
@@ -429,20 +429,20 @@ class RosListener:
         )
 
         try:
-            made = get_message(kind)
+            message_type = get_message(kind)
         except (ImportError, AttributeError, ValueError):
             self.log.unread[topic] = kind
             return None
-        fields = made.get_fields_and_field_types().values()
-        stamped = next(iter(fields), "") in {"std_msgs/Header", "builtin_interfaces/Time"}
+        fields = message_type.get_fields_and_field_types().values()
+        has_stamp = next(iter(fields), "") in {"std_msgs/Header", "builtin_interfaces/Time"}
 
         def arrive(data: bytes) -> None:
             with suppress(struct.error):  # a message that is too short for its type
-                self._message(topic, kind, data, stamped=stamped)
+                self._message(topic, kind, data, has_stamp=has_stamp)
 
-        return self._node.create_subscription(made, topic, arrive, qos_profile_sensor_data, raw=True)
+        return self._node.create_subscription(message_type, topic, arrive, qos_profile_sensor_data, raw=True)
 
-    def _message(self, topic: str, kind: str, data: bytes, *, stamped: bool) -> None:
+    def _message(self, topic: str, kind: str, data: bytes, *, has_stamp: bool) -> None:
         key, stamp_s, content = _joint(topic, kind), None, data
         order = "<" if data[1:2] == b"\1" else ">"
         if topic == self.log.topic and kind == CONFIGURATION_TYPE:
@@ -455,7 +455,7 @@ class RosListener:
             self.log.add_text(key, text)
             if key in self.log.writers:  # another one may have come since
                 self.log.writers[key]["participant"] = participant
-        elif stamped and len(data) >= _STAMP_END:
+        elif has_stamp and len(data) >= _STAMP_END:
             seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, _BODY)
             stamp_s, content = seconds + nanoseconds / 1e9, data[_STAMP_END:]
         if key in self.log.writers:

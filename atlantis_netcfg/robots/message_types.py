@@ -38,7 +38,7 @@ _CANCEL_MESSAGES = {
     "action_msgs/srv/CancelGoal_Response": _REQUEST_ID
     | {"return_code": "int8", "goals_canceling": "action_msgs/GoalInfo[]"},
 }
-_NAMED, _SEQUENCE = 2, 4
+_NAMED_TYPE, _SEQUENCE = 2, 4
 """Of rosbags' kinds of fields."""
 _ZEROS: dict[str, Any] = {"bool": False, "float32": 0.0, "float64": 0.0, "string": "", "wstring": ""}
 
@@ -77,7 +77,7 @@ class MessageTypes:
             raise _unknown(str(error.args[0])) from None
         return result
 
-    def unchecked(self, name: str) -> type[IdlStruct]:
+    def unchecked_type(self, name: str) -> type[IdlStruct]:
         """A type of this name that takes any message: cyclonedds drops what is shorter than its type without a word."""
         if name not in self._unchecked:
             from cyclonedds.idl import make_idl_struct, types  # noqa: PLC0415 - there is none for aarch64
@@ -94,7 +94,7 @@ class MessageTypes:
     def items(self, name: str, field: str) -> str | None:
         """The type of which a field holds a list; None: it has no such field."""
         for each, (kind, of) in self._definition(name):
-            if each == field and int(kind) == _SEQUENCE and int(of[0][0]) == _NAMED:
+            if each == field and int(kind) == _SEQUENCE and int(of[0][0]) == _NAMED_TYPE:
                 return str(of[0][1])
         return None
 
@@ -150,9 +150,9 @@ def _parts(path: Path, text: str) -> dict[str, str]:
     parts = re.split(r"(?m)^---\s*$", text)
     if len(parts) != len(_ACTION_PARTS):
         raise ValueError(f"an action has three parts with `---` between them, this one has {len(parts)}")
-    named = {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
+    texts = {f"{path.stem}_{words}": part for part, words in zip(parts, _ACTION_PARTS, strict=True)}
     action = "/".join((*path.parts[-3:-1], path.stem))
-    return named | {f"{path.stem}_{words}": _text(fields, action) for words, fields in _ACTION_MESSAGES.items()}
+    return texts | {f"{path.stem}_{words}": _text(fields, action) for words, fields in _ACTION_MESSAGES.items()}
 
 
 def _text(fields: Mapping[str, str], action: str = "") -> str:

@@ -51,7 +51,7 @@ class MockRobot:
     publisher: Publisher
     configuration_topic: str
     due: dict[str, float] = field(default_factory=dict)
-    sent: dict[str, int] = field(default_factory=dict)
+    message_counts: dict[str, int] = field(default_factory=dict)
     actions: list[MockAction] = field(init=False)
     _changing: frozenset[str] = field(init=False)
     """Booleans that a condition names."""
@@ -102,7 +102,7 @@ class MockRobot:
         if now < self.due.setdefault(name, now):
             return
         self.publisher.publish(name, kind, make())
-        self.sent[name] = self.sent.get(name, 0) + 1
+        self.message_counts[name] = self.message_counts.get(name, 0) + 1
         self.due[name] += 1 / rate_hz
 
     def _configuration(self) -> Any:  # noqa: ANN401 - a message

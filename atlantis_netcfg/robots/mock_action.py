@@ -122,16 +122,18 @@ class MockAction:
         reply = self._types.empty(f"{self._kind}_GetResult_Response")
         if goal is not None:
             reply.status = goal.status.value
-            self._fill(reply.result, "Result", "completed", goal, range(goal.completed))
+            self._fill(reply.result, "Result", "completed", goal, range(goal.completed_steps))
         return reply
 
     def _publish_feedback(self, goal: Goal) -> None:
         message = self._types.empty(f"{self._kind}_FeedbackMessage")
         message.goal_id.uuid = list(goal.identity)
-        done, total = goal.completed, len(goal.plan)
-        self._fill(message.feedback, "Feedback", "completed", goal, range(done))
-        self._fill(message.feedback, "Feedback", "in_progress", goal, range(done, min(done + 1, total)))
-        self._fill(message.feedback, "Feedback", "remaining", goal, range(done + 1, total))
+        completed_steps, total = goal.completed_steps, len(goal.plan)
+        self._fill(message.feedback, "Feedback", "completed", goal, range(completed_steps))
+        self._fill(
+            message.feedback, "Feedback", "in_progress", goal, range(completed_steps, min(completed_steps + 1, total))
+        )
+        self._fill(message.feedback, "Feedback", "remaining", goal, range(completed_steps + 1, total))
         if not self._publisher.send(f"{self.name}/_action/feedback", message):
             self.notices.append("feedback was lost: a reader of it does not keep up")
 

@@ -15,7 +15,7 @@ from atlantis_netcfg.robots.listener import (
     POLL_S,
     CycloneListener,
     OtherDomains,
-    decoded,
+    decode,
     listen,
     mapping_of,
     octets_reader,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from cyclonedds.idl import IdlStruct
 
     from atlantis_netcfg.robots.message_types import MessageTypes
-    from atlantis_netcfg.robots.observation import Observation
+    from atlantis_netcfg.robots.observation import RobotObservation
 
 ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
@@ -70,14 +70,14 @@ def domain(number: int, configuration: str) -> Iterator[int]:
         hint = "PyPI has none for aarch64: use a laptop with an x86_64 processor"
         raise UsageError("cyclonedds is not installed on this computer", hint=hint) from error
     try:
-        made = open_domain(number, configuration)
+        participant = open_domain(number, configuration)
     except DDSException as error:
         hint = "is the address one of this computer's, and the interface up? `ip address` shows both"
         raise UsageError(f"no participant of DDS can be made here: {error}", hint=hint) from error
     try:
         yield number
     finally:
-        del made
+        del participant
 
 
 class RobotListener:
@@ -101,11 +101,11 @@ class RobotListener:
         self._listener = CycloneListener(number, types, configuration_topic, keep_row if keep is not None else None)
         self._others = OtherDomains(number, address) if address is not None else None
 
-    def listen(self, seconds: float) -> Observation:
+    def listen(self, seconds: float) -> RobotObservation:
         """Listen so long, and say what was heard since the beginning."""
         return read_heard(listen(self._listener, seconds, self._others))
 
-    async def listen_beside_others(self, seconds: float) -> Observation:
+    async def listen_beside_others(self, seconds: float) -> RobotObservation:
         """Listen so long, and let others work meanwhile."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
@@ -166,7 +166,7 @@ class RosService:
         reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
         qos = Qos(reliable, Policy.History.KeepLast(_REQUESTS_AT_ONCE))
         self._type = types.idl(f"{kind}_Request")
-        self._reader = octets_reader(participant, f"rq{name}Request", types.unchecked(f"{kind}_Request"), qos)
+        self._reader = octets_reader(participant, f"rq{name}Request", types.unchecked_type(f"{kind}_Request"), qos)
         self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
 
     def requests(self) -> Iterator[Any]:
@@ -174,7 +174,7 @@ class RosService:
         for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
             if sample.sample_info.valid_data:
                 data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
-                message = decoded(self._type, data)
+                message = decode(self._type, data)
                 is_whole = message is not None and 0 <= len(data) - len(message.serialize()) < _ALIGNMENT
                 yield message if is_whole else None
 

@@ -84,7 +84,7 @@ class HeardConfiguration:
 
 
 @dataclass(slots=True)
-class Observation:
+class RobotObservation:
     """What was heard in a while."""
 
     seconds: float
@@ -128,18 +128,18 @@ class RobotReport:
 
 
 def judge(
-    observation: Observation,
-    declared: Sequence[RobotSource],
-    expected: Sequence[str],
+    observation: RobotObservation,
+    sources: Sequence[RobotSource],
+    expected_vehicles: Sequence[str],
     names: KeyNames,
     past_guests: Mapping[str, str] | None = None,
 ) -> list[RobotReport]:
-    """Compare what was heard with the robots' files; `expected` are the vehicles that should be here.
+    """Compare what was heard with the robots' files; `expected_vehicles` are the vehicles that should be here.
 
     `past_guests`: vehicles that were guests, and the last day of each; they are strangers again.
     """
     past = past_guests or {}
-    known = {source.robot.name: source for source in declared if source.robot is not None}
+    sources_by_name = {source.robot.name: source for source in sources if source.robot is not None}
     introductions: dict[str, list[tuple[HeardConfiguration, RobotFile]]] = {}
     reports = []
     for configuration in observation.configurations:
@@ -153,10 +153,10 @@ def judge(
             introductions.setdefault(robot.name, []).append((configuration, robot))
     for name, copies in introductions.items():
         configuration, robot = copies[-1]
-        source = known.get(name)
+        source = sources_by_name.get(name)
         findings = [*_copies(name, copies, observation), *_configuration(configuration)]
         if source is None:
-            findings.append(_unknown(name, known))
+            findings.append(_unknown(name, sources_by_name))
         elif source.vehicle in past:
             findings.append(_past_guest(str(source.vehicle), past))
         else:
@@ -170,14 +170,18 @@ def judge(
         vehicle = source.vehicle if source is not None else None
         reports.append(RobotReport(name, state, vehicle, tuple(findings), tuple(writers)))
     here = {report.vehicle for report in reports}
-    reports += [_missing(source, observation) for source in known.values() if source.vehicle in {*expected} - here]
+    reports += [
+        _missing(source, observation)
+        for source in sources_by_name.values()
+        if source.vehicle in {*expected_vehicles} - here
+    ]
     return sorted(reports, key=lambda report: (report.state != RobotState.DECLARED, report.namespace))
 
 
-def _missing(source: RobotSource, observation: Observation) -> RobotReport:
+def _missing(source: RobotSource, observation: RobotObservation) -> RobotReport:
     name = source.robot.name if source.robot is not None else str(source.vehicle)
-    declared = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
-    topic = next((writer.topic for writer in observation.writers if writer.topic in declared), None)
+    declared_topics = {topic.name for topic in source.robot.topics()} if source.robot is not None else set()
+    topic = next((writer.topic for writer in observation.writers if writer.topic in declared_topics), None)
     message = f"nothing was heard of it in {observation.seconds:.0f} s"
     hint = "is it switched on, in the network, and in the domain of `dds.domain`?"
     findings = [BearerFinding(Verdict.INCONCLUSIVE, "robot-missing", message, hint)]
@@ -192,8 +196,8 @@ def _missing(source: RobotSource, observation: Observation) -> RobotReport:
     return RobotReport(name, RobotState.MISSING, source.vehicle, tuple(findings))
 
 
-def _unknown(name: str, known: Mapping[str, RobotSource]) -> BearerFinding:
-    near = nearest(name, known)
+def _unknown(name: str, sources_by_name: Mapping[str, RobotSource]) -> BearerFinding:
+    near = nearest(name, sources_by_name)
     message = f"no robot of this inventory has the namespace `{name}`"
     if near is not None:
         message = f"no robot of this inventory has the namespace `{name}`; did it mean `{near}`?"
@@ -215,7 +219,7 @@ def _past_guest(vehicle: str, past: Mapping[str, str]) -> BearerFinding:
 
 
 def _copies(
-    name: str, copies: Sequence[tuple[HeardConfiguration, RobotFile]], observation: Observation
+    name: str, copies: Sequence[tuple[HeardConfiguration, RobotFile]], observation: RobotObservation
 ) -> Iterator[BearerFinding]:
     keys = dict.fromkeys(configuration.writer.participant for configuration, _ in copies)
     if len(keys) > 1:
@@ -247,14 +251,14 @@ def _against_the_file(robot: RobotFile, source: RobotSource) -> Iterator[BearerF
     elif robot.token != file.token:
         message = "its token is not the one of its file"
         yield BearerFinding(Verdict.FAIL, "token", message, "ask its partner: another robot may use its name")
-    hidden = {"token": file.token}
-    if robot.model_copy(update=hidden) != file:
+    token_update = {"token": file.token}
+    if robot.model_copy(update=token_update) != file:
         message = "its configuration is not the one of its file"
         yield BearerFinding(Verdict.FAIL, "configuration-differs", message, _CHECK_ITS_FILE)
 
 
 def topic_findings(
-    robot: RobotFile, writers: Sequence[HeardWriter], observation: Observation
+    robot: RobotFile, writers: Sequence[HeardWriter], observation: RobotObservation
 ) -> Iterator[tuple[PublishedTopic, BearerFinding]]:
     """What is wrong with each topic that a robot's configuration names; `writers` are its own."""
     for topic in robot.topics():
@@ -270,10 +274,10 @@ def topic_findings(
         else:
             for writer in rows:
                 yield from ((topic, finding) for finding in _topic(topic, writer, observation.seconds))
-            yield from ((topic, finding) for finding in _ended(topic, rows, writers))
+            yield from ((topic, finding) for finding in _check_silence(topic, rows, writers))
 
 
-def _ended(
+def _check_silence(
     topic: PublishedTopic, rows: Sequence[HeardWriter], writers: Sequence[HeardWriter]
 ) -> Iterator[BearerFinding]:
     """Whether a topic fell silent while the robot went on; one that was switched off ends with all its topics."""
@@ -320,6 +324,6 @@ def _topic(topic: PublishedTopic, writer: HeardWriter, seconds: float) -> Iterat
         yield BearerFinding(Verdict.FAIL, "topic-stale", message, hint)
 
 
-def read_heard(values: object) -> Observation:
+def read_heard(values: object) -> RobotObservation:
     """What a listener has heard (`listener.listen`), perhaps on another computer. Raises ValueError."""
-    return TypeAdapter(Observation).validate_python(values)
+    return TypeAdapter(RobotObservation).validate_python(values)

@@ -29,14 +29,14 @@ class RowItem:
     """Properties about which the text cannot say anything (an export hides secrets): they stay as they are."""
 
     @property
-    def given(self) -> dict[str, str]:
+    def defined_values(self) -> dict[str, str]:
         """The properties that have a value."""
         return {name: value for name, value in self.values.items() if value is not None}
 
     @property
     def identity(self) -> tuple[str, ...]:
         """What tells the row apart within its menu, in canonical form."""
-        return MENUS[self.menu].identity(self.given)
+        return MENUS[self.menu].identity(self.defined_values)
 
     @property
     def is_marked(self) -> bool:
@@ -50,24 +50,24 @@ class RunTime:
 
     menu: str
     name: str
-    declared: str
+    declared_value: str
     instead: str
     temporary: bool = False
     """Only while a bearer is in use for a time (`routeros/link_use.py`)."""
 
-    def covers(self, menu: Menu, name: str, desired: str | None, found: Row) -> bool:
+    def covers(self, menu: Menu, name: str, desired_value: str | None, row: Row) -> bool:
         """Tell whether what was found in the row is what the device makes of the wanted value."""
         each = menu.by_name[name]
         mine = (self.menu, self.name) == (menu.path, name)
         return (
             mine
-            and each.form(self.declared) == each.form(desired)
-            and each.form(self.instead) == menu.form(name, found)
+            and each.form(self.declared_value) == each.form(desired_value)
+            and each.form(self.instead) == menu.form(name, row)
         )
 
 
 @dataclass(frozen=True, slots=True)
-class Desired:
+class DesiredState:
     """Everything that a text declares for one device."""
 
     source: str
@@ -75,13 +75,13 @@ class Desired:
     """By menu; within a menu in the order of the text. A menu may be there without rows."""
     entire: frozenset[str] = frozenset()
     """Menus that are ours entirely: rows that the text does not name are removed, whoever added them."""
-    undeclared: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    undeclared_values: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     """By menu of fixed rows: what those rows shall have that the text does not name."""
     restores: bool = False
     """The text is a saved state: in its entire menus, what it leaves out is at its default."""
     notes: tuple[str, ...] = ()
     """What could not be taken over from the text."""
-    spent: str = ""
+    pin_refusal: str = ""
     """Why the PIN of the text must not be sent once more; empty: nothing is known against it."""
     run_time: tuple[RunTime, ...] = ()
     """Values that the device changes by itself: neither drift nor anything to put right."""
@@ -121,13 +121,13 @@ def item_of(statement: Statement) -> RowItem:
     if menu.readonly:
         raise Mistake(f"{menu.title} can be looked at, but not declared")
     if statement.verb == "add":
-        return _added(menu, statement)
+        return _build_added_item(menu, statement)
     if statement.verb == "set":
         return _set(menu, statement)
     raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
 
 
-def _added(menu: Menu, statement: Statement) -> RowItem:
+def _build_added_item(menu: Menu, statement: Statement) -> RowItem:
     if menu.shape is Shape.SINGLETON:
         raise Mistake(f"{menu.title} holds settings and no rows: write `set` instead of `add`")
     if menu.shape is Shape.FIXED:
@@ -145,15 +145,17 @@ def _set(menu: Menu, statement: Statement) -> RowItem:
         if statement.find is not None or statement.target is not None:
             raise Mistake(f"{menu.title} holds settings and no rows: write `set name=value` without a row")
         return RowItem(menu.path, values, statement.line)
-    found = _found(menu, statement)
+    keys = _parse_selector(menu, statement)
     # A key may be written only where the row is found by another property: `set [ find default-name=ether1 ] name=wan`.
-    renamed = [key for key in menu.keys if key in values and values[key] != found[key]]
-    if renamed:
-        raise Mistake(f"`{renamed[0]}` tells the rows of {menu.title} apart and cannot be changed: declare a new row")
-    return RowItem(menu.path, {**found, **values}, statement.line, exists=True)
+    changed_keys = [key for key in menu.keys if key in values and values[key] != keys[key]]
+    if changed_keys:
+        raise Mistake(
+            f"`{changed_keys[0]}` tells the rows of {menu.title} apart and cannot be changed: declare a new row"
+        )
+    return RowItem(menu.path, {**keys, **values}, statement.line, exists=True)
 
 
-def _found(menu: Menu, statement: Statement) -> dict[str, str]:
+def _parse_selector(menu: Menu, statement: Statement) -> dict[str, str]:
     """Return the keys that the statement's selector names."""
     example = " ".join(f"{key}=..." for key in menu.keys)
     if not menu.keys:

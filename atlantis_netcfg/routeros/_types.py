@@ -68,7 +68,7 @@ class PortCounts:
 
 
 @dataclass(frozen=True, slots=True)
-class Observed:
+class Observation:
     """The device as it was read in one go: facts, and the rows of every menu that was asked for, in device order."""
 
     facts: Facts
@@ -143,7 +143,7 @@ class Action:
         """Entries that this action takes in the device's history; counted per row, the cautious reading."""
         return max(1, len(self.ids))
 
-    def shown(self) -> tuple[tuple[str, str], ...]:
+    def get_masked_values(self) -> tuple[tuple[str, str], ...]:
         """`values` with secrets masked: the only form for plans, journals and logs."""
         return tuple((name, MASK if name in self.secrets else value) for name, value in self.values)
 
@@ -161,7 +161,7 @@ class Drift:
 
 
 @dataclass(frozen=True, slots=True)
-class Hidden:
+class HiddenSecret:
     """A declared secret that the device does not show, so that nobody can tell whether it differs."""
 
     menu: str
@@ -178,7 +178,7 @@ class Plan:
     diff: str
     """The same in the device's own export language with margins `+`, `-`; secrets masked; empty: nothing changes."""
     drift: tuple[Drift, ...] = ()
-    hidden: tuple[Hidden, ...] = ()
+    hidden_secrets: tuple[HiddenSecret, ...] = ()
     notes: Sequence[str] = field(default_factory=tuple)
     foreign: tuple[tuple[str, int], ...] = ()
     """Menus (as a person writes them) that are ours entirely, and how many rows without our mark go from each."""

@@ -25,7 +25,7 @@ class Assumption:
     sentence: str
     rests: str
     """What depends on it, and what happens where it does not hold."""
-    shown: str
+    proof: str
     """READS, TRY, SILENCE, or `needs a person: …`."""
 
 
@@ -446,6 +446,6 @@ ASSUMPTIONS: Final = (
 """In the order of the page docs/verify.md."""
 
 
-def unconfirmed() -> str:
+def summarize_assumptions() -> str:
     """The line of a rehearsal that counts what it rests on."""
     return f"{len(ASSUMPTIONS)} assumptions about RouterOS that no document or record confirms: docs/verify.md"

@@ -75,7 +75,7 @@ def sentence(action: Action) -> tuple[str, tuple[tuple[str, str], ...]]:
     return f"{action.menu}/{action.verb}", tuple(arguments)
 
 
-def executed(text: str) -> Command:
+def script_command(text: str) -> Command:
     """Return the command that runs a script and answers with its output (in the command trees from 7.9 on)."""
     return Command("/execute", (("script", text), ("as-string", "")))
 
@@ -142,7 +142,7 @@ def script(lines: Iterable[str]) -> str:
 class Examination:
     """What a device was asked of a plan, and what it has answered; the wire is somebody else's."""
 
-    refused: dict[str, str] = field(default_factory=dict)
+    refusals: dict[str, str] = field(default_factory=dict)
     """By line: the device's words, empty for a line that it takes."""
     unclear: str = ""
     """Why not every line was judged."""
@@ -154,37 +154,37 @@ class Examination:
     _whole: list[_Argument] = field(default_factory=list)
 
     def questions(self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]) -> tuple[Command, ...]:
-        """Return what is still to be asked of these actions; no more than ROOM. `answered` reads the answers.
+        """Return what is still to be asked of these actions; no more than ROOM. `read_answers` reads the answers.
 
         A value that a row of the menu has already needs no question.
         """
         self._whole = [each for each, _ in self._values if each not in self._lists and self._missing(each)]
-        self._values = list(self._requested(actions, rows))
-        lines = [] if self.unclear else [line for line in map(_line, actions) if line not in self.refused]
+        self._values = list(self._find_open_values(actions, rows))
+        lines = [] if self.unclear else [line for line in map(_line, actions) if line not in self.refusals]
         lines = list(dict.fromkeys(lines))
         self._scripts = _cut(lines, ROOM - len(self._values) - len(self._whole))
         return (
-            *(executed(script([*part, _CONTROL])) for part in self._scripts),
-            *(offered(*argument) for argument in self._whole),
-            *(offered(*argument, among=values) for argument, values in self._values),
+            *(script_command(script([*part, _CONTROL])) for part in self._scripts),
+            *(build_completion_query(*argument) for argument in self._whole),
+            *(build_completion_query(*argument, among=values) for argument, values in self._values),
         )
 
-    def _requested(
+    def _find_open_values(
         self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]
     ) -> Iterator[tuple[_Argument, tuple[str, ...]]]:
-        found: dict[_Argument, dict[str, None]] = {}
+        values_by_argument: dict[_Argument, dict[str, None]] = {}
         for action in actions:
             for name, value in action.values:
                 argument = (action.menu, name)
-                known = (argument, value) in self._good or argument in self._lists or argument in self._whole
+                is_known = (argument, value) in self._good or argument in self._lists or argument in self._whole
                 if (
                     value
                     and argument in ENUMERATIONS
-                    and not known
+                    and not is_known
                     and all(row.get(name) != value for row in rows.get(action.menu, ()))
                 ):
-                    found.setdefault(argument, {})[value] = None
-        return ((argument, tuple(values)) for argument, values in found.items())
+                    values_by_argument.setdefault(argument, {})[value] = None
+        return ((argument, tuple(values)) for argument, values in values_by_argument.items())
 
     def _missing(self, argument: _Argument) -> bool:
         """Tell whether a value that was asked for did not come."""
@@ -192,18 +192,18 @@ class Examination:
             (each, value) not in self._good for each, values in self._values if each == argument for value in values
         )
 
-    def answered(self, replies: Sequence[Reply]) -> None:
+    def read_answers(self, replies: Sequence[Reply]) -> None:
         """Read the answers to the last `questions`."""
         scripts, whole = len(self._scripts), len(self._whole)
         for part, reply in zip(self._scripts, replies, strict=False):
-            self._judged(part, reply)
+            self._judge(part, reply)
         for argument, reply in zip(self._whole, replies[scripts:], strict=False):
             words = _words(reply)
             self._lists[argument] = words if 0 < len(words) <= _COMPLETE else None
         for (argument, _), reply in zip(self._values, replies[scripts + whole :], strict=False):
             self._good |= {(argument, word) for word in _words(reply)}
 
-    def _judged(self, lines: Sequence[str], reply: Reply) -> None:
+    def _judge(self, lines: Sequence[str], reply: Reply) -> None:
         if reply.trap is not None or reply.ret is None:
             text = f" ({reply.trap.message})" if reply.trap is not None else ""
             self.unclear = f"the device does not run a script that only parses{text}"
@@ -213,16 +213,16 @@ class Examination:
             self.unclear = _NOT_UNDERSTOOD
             return
         for number, line in enumerate(lines):
-            found = refusal(answers[number], line) if number in answers else ""
-            if found is None:
+            words = refusal(answers[number], line) if number in answers else ""
+            if words is None:
                 self.unclear = _NOT_UNDERSTOOD
             else:
-                self.refused[line] = found
+                self.refusals[line] = words
 
     def doubt(self, actions: Iterable[Action]) -> str:
         """Say that and why nobody knows whether the device takes all that it does not object to; or nothing."""
-        named = {(action.menu, name) for action in actions for name, _ in action.values}
-        lists = sorted(each for each, words in self._lists.items() if words is None and each in named)
+        arguments = {(action.menu, name) for action in actions for name, _ in action.values}
+        lists = sorted(each for each, words in self._lists.items() if words is None and each in arguments)
         values = (f"it does not tell which words `{name}` of {MENUS[menu].title} takes" for menu, name in lists)
         why = "; ".join((*((self.unclear,) if self.unclear else ()), *values))
         return f"INCONCLUSIVE whether this device takes every command of the plan: {why}" if why else ""
@@ -230,7 +230,7 @@ class Examination:
     def objections(self, actions: Iterable[Action], source: str) -> Iterator[str]:
         """Yield what the device does not take, with the line of the text where that declares it."""
         for action in actions:
-            words = self.refused.get(_line(action), "") or next(self._foreign(action), "")
+            words = self.refusals.get(_line(action), "") or next(self._foreign(action), "")
             if words:
                 place = f"{source}, line {action.line}: " if action.line else ""
                 what = f"{action.verb.value} {action.subject} in {MENUS[action.menu].title}"
@@ -264,7 +264,7 @@ def _line(action: Action) -> str:
     return console(replace(action, ids=action.ids[:1], values=values))
 
 
-def offered(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
+def build_completion_query(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
     """Ask for the list of an argument, or which of some values are in it."""
     verb = "add" if MENUS[menu].shape is Shape.LIST else "set"
     path = ",".join((*menu.strip("/").split("/"), verb, name))
@@ -282,11 +282,11 @@ def _words(reply: Reply) -> tuple[str, ...]:
 def _answers(text: str) -> dict[int, str]:
     """Cut the output at the numbers, which only grow."""
     starts: list[tuple[int, re.Match[str]]] = []
-    for found in _ANSWER.finditer(text):
-        if not starts or int(found[1]) > starts[-1][0]:
-            starts.append((int(found[1]), found))
-    ends = [found.start() for _, found in starts] + [len(text)]
-    return {number: text[found.end() : end].strip() for (number, found), end in zip(starts, ends[1:], strict=True)}
+    for match in _ANSWER.finditer(text):
+        if not starts or int(match[1]) > starts[-1][0]:
+            starts.append((int(match[1]), match))
+    ends = [match.start() for _, match in starts] + [len(text)]
+    return {number: text[match.end() : end].strip() for (number, match), end in zip(starts, ends[1:], strict=True)}
 
 
 def refusal(code: str, line: str = "") -> str | None:
@@ -302,4 +302,4 @@ def refusal(code: str, line: str = "") -> str | None:
 def _name_at(line: str, column: int) -> str:
     """Return the argument at a column, 1-based; what is quoted is skipped."""
     names = re.finditer(r' (!?[\w.-]+)(?:=(?:"(?:\\.|[^"\\])*"|[^\s"]*))?(?= |\Z)', line)
-    return next((found[1] for found in names if found.start(1) < column <= found.end() + 1), "")
+    return next((match[1] for match in names if match.start(1) < column <= match.end() + 1), "")

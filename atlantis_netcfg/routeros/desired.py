@@ -13,7 +13,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import Desired, Mistake, RowItem, RunTime, item_of, known_menu, near
+from atlantis_netcfg.routeros._items import DesiredState, Mistake, RowItem, RunTime, item_of, known_menu, near
 from atlantis_netcfg.routeros.menus import MENUS, Menu, Shape
 from atlantis_netcfg.routeros.rsc import Statement, parse
 
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
 
-__all__ = ["Desired", "Mistake", "RowItem", "from_export", "read"]
+__all__ = ["DesiredState", "Mistake", "RowItem", "from_export", "read"]
 
 _DIRECTIVE = re.compile(r"^[ \t]*#[ \t]*atlantis:(\S*)[ \t]*(.*?)[ \t\r]*$", re.MULTILINE)
-_ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
+_ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE = "entire", "undeclared", "run-time", "note"
 _SINGLE = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)")
 _EITHER = re.compile(r"(/.*?)[ \t]+([a-z0-9-]+)=(\S*)[ \t]+\2=(\S*)")
 
 
-def read(text: str, source: str = "text") -> Desired:
+def read(text: str, source: str = "text") -> DesiredState:
     """Read what a text declares; `source` is what messages call it.
 
     Raises RscError where the text is not export text, and Mistake with every line that declares something impossible.
@@ -37,11 +37,13 @@ def read(text: str, source: str = "text") -> Desired:
     export = parse(text, source)
     mistakes: list[str] = []
     entire: dict[str, None] = {}
-    undeclared: dict[str, dict[str, str]] = {}
+    undeclared_values: dict[str, dict[str, str]] = {}
     run_time: list[RunTime] = []
     remarks: list[tuple[str, str]] = []
-    _directives(text, source, mistakes, (entire, undeclared, run_time, remarks))
-    items: dict[str, list[RowItem]] = {menu: [] for menu in (*export.menus, *entire, *undeclared) if menu in MENUS}
+    _directives(text, source, mistakes, (entire, undeclared_values, run_time, remarks))
+    items: dict[str, list[RowItem]] = {
+        menu: [] for menu in (*export.menus, *entire, *undeclared_values) if menu in MENUS
+    }
     first: dict[tuple[str, tuple[str, ...]], int] = {}
     for statement in export.statements:
         try:
@@ -53,31 +55,33 @@ def read(text: str, source: str = "text") -> Desired:
             items[item.menu].append(item)
     if mistakes:
         raise Mistake("\n".join(mistakes))
-    declared = {menu: tuple(rows) for menu, rows in items.items()}
-    return Desired(source, declared, frozenset(entire), undeclared, run_time=tuple(run_time), remarks=tuple(remarks))
+    items_by_menu = {menu: tuple(rows) for menu, rows in items.items()}
+    return DesiredState(
+        source, items_by_menu, frozenset(entire), undeclared_values, run_time=tuple(run_time), remarks=tuple(remarks)
+    )
 
 
-_Found = tuple[dict[str, None], dict[str, dict[str, str]], list[RunTime], list[tuple[str, str]]]
+_Directives = tuple[dict[str, None], dict[str, dict[str, str]], list[RunTime], list[tuple[str, str]]]
 
 
-def _directives(text: str, source: str, mistakes: list[str], found: _Found) -> None:
-    entire, undeclared, run_time, remarks = found
+def _directives(text: str, source: str, mistakes: list[str], directives: _Directives) -> None:
+    entire, undeclared_values, run_time, remarks = directives
     for match in _DIRECTIVE.finditer(text):
         word, argument = match.groups()
         try:
             if word == _ENTIRE:
                 entire[_entire_menu(argument)] = None
-            elif word == _UNDECLARED:
+            elif word == _UNDECLARED_ROWS:
                 menu, name, value = _value_in_menu(argument)
-                undeclared.setdefault(menu, {})[name] = value
+                undeclared_values.setdefault(menu, {})[name] = value
             elif word == _RUN_TIME:
                 run_time.append(_run_time(argument))
             elif word == _NOTE:
                 title, _, remark = argument.partition(": ")
                 remarks.append((_menu_named(title).path, remark))
             else:
-                known = (_ENTIRE, _UNDECLARED, _RUN_TIME, _NOTE)
-                raise Mistake(f"`atlantis:{word}` is no directive{near(word, known)}")  # noqa: TRY301
+                directive_names = (_ENTIRE, _UNDECLARED_ROWS, _RUN_TIME, _NOTE)
+                raise Mistake(f"`atlantis:{word}` is no directive{near(word, directive_names)}")  # noqa: TRY301
         except Mistake as mistake:
             line = text.count("\n", 0, match.start()) + 1
             mistakes.append(f"{source}, line {line}: {mistake}")
@@ -91,11 +95,11 @@ def _run_time(argument: str) -> RunTime:
     match = _EITHER.fullmatch(argument)
     if match is None:
         raise Mistake("write `atlantis:run-time /menu property=declared property=instead`")
-    title, name, declared, instead = match.groups()
+    title, name, declared_value, instead = match.groups()
     menu = _menu_named(title)
     if name not in menu.by_name:
         raise Mistake(f"{menu.title} has no argument `{name}`{near(name, menu.by_name)}")
-    return RunTime(menu.path, name, declared, instead)
+    return RunTime(menu.path, name, declared_value, instead)
 
 
 def _value_in_menu(argument: str) -> tuple[str, str, str]:
@@ -120,35 +124,37 @@ def _entire_menu(argument: str) -> str:
 
 def _once(item: RowItem, first: dict[tuple[str, tuple[str, ...]], int]) -> None:
     """Refuse a second row with the same identity; first-match rows may repeat."""
-    if MENUS[item.menu].ordered:
+    if MENUS[item.menu].is_ordered:
         return
     line = first.setdefault((item.menu, item.identity), item.line)
     if line != item.line:
-        name = MENUS[item.menu].name_of(item.given)
+        name = MENUS[item.menu].name_of(item.defined_values)
         raise Mistake(f"{name} is declared a second time; the first is on line {line}")
 
 
-def from_export(text: str, only: Iterable[str], source: str = "export") -> Desired:
+def from_export(text: str, only: Iterable[str], source: str = "export") -> DesiredState:
     """Read a saved export as the state to go back to, in the menus of `only`.
 
     What an export leaves out is at its default, but for what it hides: secrets, and menus that it never prints, stay
     as they are on the device. A menu with a row that we cannot tell from others is not gone back to entirely: that row
     could be the one that is removed. `notes` says what cannot be restored. Raises RscError if the text is no export.
     """
-    desired = [known_menu(path) for path in dict.fromkeys(only)]
-    restored = [menu for menu in desired if menu.exported and not menu.readonly]
-    notes = [f"{menu.title} is not part of an export: it stays as it is" for menu in desired if menu not in restored]
-    items: dict[str, list[RowItem]] = {menu.path: [] for menu in restored}
+    menus = [known_menu(path) for path in dict.fromkeys(only)]
+    restorable_menus = [menu for menu in menus if menu.is_exported and not menu.readonly]
+    notes = [
+        f"{menu.title} is not part of an export: it stays as it is" for menu in menus if menu not in restorable_menus
+    ]
+    items: dict[str, list[RowItem]] = {menu.path: [] for menu in restorable_menus}
     gaps: dict[str, None] = {}
     for statement in parse(text, source).statements:
         if statement.menu in items:
             menu = MENUS[statement.menu]
-            found = _restored(menu, statement, source, notes)
-            items[menu.path] += found
-            if not found and _is_a_row(menu, statement):
+            restored_items = _restore_item(menu, statement, source, notes)
+            items[menu.path] += restored_items
+            if not restored_items and _is_a_row(menu, statement):
                 gaps[menu.path] = None
     notes += [f"{MENUS[path].title}: for that reason, rows that are not in the export stay there" for path in gaps]
-    return Desired(
+    return DesiredState(
         source,
         {menu: tuple(rows) for menu, rows in items.items()},
         frozenset(items) - set(gaps),
@@ -157,17 +163,17 @@ def from_export(text: str, only: Iterable[str], source: str = "export") -> Desir
     )
 
 
-def _restored(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
+def _restore_item(menu: Menu, statement: Statement, source: str, notes: list[str]) -> Sequence[RowItem]:
     """Return the statement's row, or nothing and a note about why it cannot be restored."""
     foreign = [name for name, _ in statement.values if name not in menu.by_name]
     notes += [f"{source}, line {statement.line}: `{name}` of {menu.title} stays as it is" for name in foreign]
     try:
-        item = item_of(_understood(menu, statement))
+        item = item_of(_normalize(menu, statement))
     except Mistake as mistake:
         notes.append(f"{source}, line {statement.line}: not restored: {mistake}")
         return ()
-    hidden = menu.secrets - set(item.values)
-    return (RowItem(item.menu, item.values, item.line, item.exists, hidden),)
+    hidden_names = menu.secrets - set(item.values)
+    return (RowItem(item.menu, item.values, item.line, item.exists, hidden_names),)
 
 
 def _is_a_row(menu: Menu, statement: Statement) -> bool:
@@ -179,7 +185,7 @@ def _is_a_row(menu: Menu, statement: Statement) -> bool:
     return is_reported or statement.verb == "add" or statement.find is not None or menu.shape is Shape.FIXED
 
 
-def _understood(menu: Menu, statement: Statement) -> Statement:
+def _normalize(menu: Menu, statement: Statement) -> Statement:
     """Leave out arguments that the table lacks, and call rows of the system by their names.
 
     An export calls them by number (`set 3`), or, where there is one, `[ find default=yes ]`.

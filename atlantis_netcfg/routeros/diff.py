@@ -37,19 +37,19 @@ def render(menus: Iterable[tuple[Menu, Sequence[DiffLine]]]) -> str:
 
 
 def _menu_text(menu: Menu, lines: Sequence[DiffLine]) -> str:
-    shown = [f"  {menu.title}", *_shortened(lines)]
-    return "".join(f"{line}\n" for line in shown)
+    text_lines = [f"  {menu.title}", *_shorten(lines)]
+    return "".join(f"{line}\n" for line in text_lines)
 
 
-def _shortened(lines: Sequence[DiffLine]) -> list[str]:
+def _shorten(lines: Sequence[DiffLine]) -> list[str]:
     """Keep rows that stay only beside those that change, and say how many are left out."""
-    changed = [index for index, line in enumerate(lines) if line.margin != " "]
-    near = {index + offset for index in changed for offset in range(-_CONTEXT, _CONTEXT + 1)}
-    shown: list[str] = []
+    changed_indexes = [index for index, line in enumerate(lines) if line.margin != " "]
+    near = {index + offset for index in changed_indexes for offset in range(-_CONTEXT, _CONTEXT + 1)}
+    text_lines: list[str] = []
     for is_near, run in groupby(enumerate(lines), key=lambda each: each[0] in near):
         texts = [f"{line.margin} {line.text}" for _, line in run]
-        shown += texts if is_near or len(texts) == 1 else [f"  # {len(texts)} rows as they are"]
-    return shown
+        text_lines += texts if is_near or len(texts) == 1 else [f"  # {len(texts)} rows as they are"]
+    return text_lines
 
 
 def added_row(menu: Menu, values: Mapping[str, str]) -> str:
@@ -82,14 +82,14 @@ def set_lines(menu: Menu, row: Row, values: Sequence[tuple[str, str]]) -> list[D
 
 def _print(menu: Menu, verb: str, values: Mapping[str, str | None], row: Row | None = None) -> str:
     """Print one statement; `row` is what a `set` is about."""
-    shown = tuple((name, _shown(menu.by_name[name], value)) for name, value in values.items())
+    display_values = tuple((name, _display_value(menu.by_name[name], value)) for name, value in values.items())
     keys = tuple((key, row[key]) for key in menu.keys if key in row) if row is not None else ()
     if keys and menu.shape is Shape.FIXED and menu.keys == ("name",):
-        return print_statement(Statement(menu.path, verb, shown, target=keys[0][1]))
-    return print_statement(Statement(menu.path, verb, shown, find=keys or None))
+        return print_statement(Statement(menu.path, verb, display_values, target=keys[0][1]))
+    return print_statement(Statement(menu.path, verb, display_values, find=keys or None))
 
 
-def _shown(field: Field, value: str | None) -> str | None:
+def _display_value(field: Field, value: str | None) -> str | None:
     """Return a value as an export prints it (the API says `true` for `yes`), or the mask."""
     if field.secret and value:
         return MASK

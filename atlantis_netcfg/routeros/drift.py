@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb, is_bare
+from atlantis_netcfg.routeros._types import Action, Observation, Plan, Row, Verb, is_bare
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, PropertyKind, Shape, canonical, rank
@@ -28,7 +28,7 @@ from atlantis_netcfg.routeros.rsc import quote
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._items import DesiredState
 
 
 __all__ = [
@@ -94,8 +94,8 @@ class FieldDifference:
     """One property, as declared and as found; secrets are masked."""
 
     name: str
-    declared: str
-    found: str
+    desired_value: str
+    actual_value: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,10 @@ class Difference:
             "owner": self.owner.value,
             "mark": self.mark,
             "row": self.row,
-            "fields": [{"name": field.name, "declared": field.declared, "found": field.found} for field in self.fields],
+            "fields": [
+                {"name": field.name, "declared": field.desired_value, "found": field.actual_value}
+                for field in self.fields
+            ],
             "since": self.since.value,
             "why_unknown": self.why_unknown,
             "history": None
@@ -163,18 +166,18 @@ class Comparison:
     at: datetime | None = None
 
     @property
-    def drifted(self) -> tuple[Difference, ...]:
+    def drift(self) -> tuple[Difference, ...]:
         """The differences that count."""
         return tuple(difference for difference in self.differences if difference.counts)
 
     def as_dict(self) -> dict[str, Any]:
         """The comparison as JSON-able data."""
-        confirmed = None
+        confirmed_run = None
         if self.run is not None and self.at is not None:
-            confirmed = {"run": self.run, "at": self.at.isoformat(timespec="seconds")}
+            confirmed_run = {"run": self.run, "at": self.at.isoformat(timespec="seconds")}
         return {
             "menus": list(self.menus),
-            "confirmed": confirmed,
+            "confirmed": confirmed_run,
             "differences": [difference.as_dict() for difference in self.differences],
         }
 
@@ -189,20 +192,20 @@ class Raw:
     """One difference: the row as it shall be, and as it is."""
 
     kind: DriftKind
-    declared: Mapping[str, str] | None = None
-    found: Row | None = None
+    desired_row: Mapping[str, str] | None = None
+    actual_row: Row | None = None
 
     def differing(self, menu: Menu) -> tuple[str, ...]:
         """Return the properties that differ, in the order of the table."""
-        declared, found = self.declared, self.found
-        if declared is None or found is None:
+        desired_row, actual_row = self.desired_row, self.actual_row
+        if desired_row is None or actual_row is None:
             return ()
         return tuple(
             each.name
             for each in menu.fields
             if not each.unread
-            and (not each.keep or each.name in declared)
-            and menu.form(each.name, declared) != menu.form(each.name, found)
+            and (not each.keep or each.name in desired_row)
+            and menu.form(each.name, desired_row) != menu.form(each.name, actual_row)
         )
 
 
@@ -213,27 +216,27 @@ def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) 
     no packet may meet a half of it. Whoever reads about drift wants to hear that it was changed, and how.
     """
     by_id = {row.get(".id", ""): row for row in rows}
-    found: list[Raw] = []
+    differences: list[Raw] = []
     place: dict[str, int] = {}
     missing: list[_Values] = []
-    gone: list[_Values] = []
+    removed_rows: list[_Values] = []
     for action in actions:
         there = [by_id[each] for each in action.ids]
         if action.verb is Verb.ADD:
             missing.append(dict(action.values))
         elif action.verb is Verb.REMOVE:
-            gone += there
+            removed_rows += there
         elif action.verb is Verb.MOVE:
-            found += [Raw(DriftKind.ORDER, row, row) for row in there]
+            differences += [Raw(DriftKind.ORDER, row, row) for row in there]
         else:
             for row in there or [*rows[:1], {}][:1]:
                 # A port gets its name by itself, and one of two that swap theirs gets it in two steps: it is one row.
-                at = place.setdefault(row.get(".id", ""), len(found))
-                before = found.pop(at).declared if at < len(found) else None
-                found.insert(at, Raw(DriftKind.CHANGED, _after(before or row, action), row))
-    found += [_together(menu, declared, row) for declared, row in _pairs(menu, missing, gone)]
-    found += [Raw(DriftKind.MISSING, declared=values) for values in missing]
-    return found + [Raw(DriftKind.ADDED, found=row) for row in gone]
+                at = place.setdefault(row.get(".id", ""), len(differences))
+                before = differences.pop(at).desired_row if at < len(differences) else None
+                differences.insert(at, Raw(DriftKind.CHANGED, _after(before or row, action), row))
+    differences += [_together(menu, desired_row, row) for desired_row, row in _pairs(menu, missing, removed_rows)]
+    differences += [Raw(DriftKind.MISSING, desired_row=values) for values in missing]
+    return differences + [Raw(DriftKind.ADDED, actual_row=row) for row in removed_rows]
 
 
 def content(menu: Menu, values: Mapping[str, str]) -> tuple[str, ...]:
@@ -242,7 +245,7 @@ def content(menu: Menu, values: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(menu.form(each.name, values) for each in fields)
 
 
-def marked(values: Mapping[str, str]) -> str | None:
+def mark_of(values: Mapping[str, str]) -> str | None:
     """Return the comment of a row that carries our mark; it tells what the row is for, whatever else has changed."""
     comment = values.get("comment", "")
     return comment if comment.startswith(MARK) else None
@@ -250,37 +253,37 @@ def marked(values: Mapping[str, str]) -> str | None:
 
 def _after(row: _Values, action: Action) -> dict[str, str]:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
-    kept = {name: value for name, value in row.items() if name not in unset}
-    return kept | {name: value for name, value in action.values if not name.startswith("!")}
+    remaining_values = {name: value for name, value in row.items() if name not in unset}
+    return remaining_values | {name: value for name, value in action.values if not name.startswith("!")}
 
 
-def _together(menu: Menu, declared: Mapping[str, str], row: Row) -> Raw:
-    raw = Raw(DriftKind.CHANGED, declared, row)
-    return raw if raw.differing(menu) else Raw(DriftKind.ORDER, declared, row)
+def _together(menu: Menu, desired_row: Mapping[str, str], row: Row) -> Raw:
+    raw = Raw(DriftKind.CHANGED, desired_row, row)
+    return raw if raw.differing(menu) else Raw(DriftKind.ORDER, desired_row, row)
 
 
 def alone(key: _Key, rows: Iterable[_T]) -> dict[Hashable, _T]:
     """Return the rows by a key, where it stands for one row only; None stands for none."""
-    found: dict[Hashable, list[_T]] = {}
+    groups: dict[Hashable, list[_T]] = {}
     for row in rows:
-        found.setdefault(key(row), []).append(row)
-    return {value: alike[0] for value, alike in found.items() if value is not None and len(alike) == 1}
+        groups.setdefault(key(row), []).append(row)
+    return {value: alike[0] for value, alike in groups.items() if value is not None and len(alike) == 1}
 
 
-def _pairs(menu: Menu, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
+def _pairs(menu: Menu, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
     """Take out of both lists what is one row: by its whole content, by its keys, then by our own words about it."""
-    pairs = _paired_by(lambda values: content(menu, values), missing, gone)
+    pairs = _paired_by(lambda values: content(menu, values), missing, removed_rows)
     if menu.keys:
-        pairs += _paired_by(menu.identity, missing, gone)
-    return pairs + _paired_by(marked, missing, gone)
+        pairs += _paired_by(menu.identity, missing, removed_rows)
+    return pairs + _paired_by(mark_of, missing, removed_rows)
 
 
-def _paired_by(key: _Key, missing: list[_Values], gone: list[_Values]) -> list[tuple[_Values, _Values]]:
-    desired, there = alone(key, missing), alone(key, gone)
-    pairs = [(values, there[value]) for value, values in desired.items() if value in there]
-    taken = {id(row) for pair in pairs for row in pair}
-    for rows in (missing, gone):
-        rows[:] = [row for row in rows if id(row) not in taken]
+def _paired_by(key: _Key, missing: list[_Values], removed_rows: list[_Values]) -> list[tuple[_Values, _Values]]:
+    desired_by_key, there = alone(key, missing), alone(key, removed_rows)
+    pairs = [(values, there[value]) for value, values in desired_by_key.items() if value in there]
+    paired_ids = {id(row) for pair in pairs for row in pair}
+    for rows in (missing, removed_rows):
+        rows[:] = [row for row in rows if id(row) not in paired_ids]
     return pairs
 
 
@@ -316,9 +319,9 @@ def _is_about(menu: Menu, command: str) -> bool:
 def _names(menu: Menu, raw: Raw, command: str) -> bool:
     if menu.shape is Shape.SINGLETON:
         return True
-    if raw.found is not None:
-        return re.search(rf"{re.escape(raw.found.get('.id', '*'))}(?![0-9A-Fa-f])", command) is not None
-    return raw.declared is not None and _adds(menu, raw.declared, command)
+    if raw.actual_row is not None:
+        return re.search(rf"{re.escape(raw.actual_row.get('.id', '*'))}(?![0-9A-Fa-f])", command) is not None
+    return raw.desired_row is not None and _adds(menu, raw.desired_row, command)
 
 
 def _adds(menu: Menu, values: Mapping[str, str], command: str) -> bool:
@@ -338,22 +341,26 @@ class _RowView:
     """One menu, and everything that can be said about it."""
 
     menu: Menu
-    desired: Desired
+    desired_state: DesiredState
     rows: Sequence[Row]
     past: Past | None
     history: DriftHistory
 
 
 def compare(
-    desired: Desired, observed: Observed, plan: Plan, past: Past | None = None, history: DriftHistory = _NO_HISTORY
+    desired_state: DesiredState,
+    observation: Observation,
+    plan: Plan,
+    past: Past | None = None,
+    history: DriftHistory = _NO_HISTORY,
 ) -> Comparison:
-    """Say what differs; `plan` is what would make `observed` as `desired`."""
-    rows = as_renamed(desired, observed.rows)
-    paths = sorted(desired.menus, key=rank)
+    """Say what differs; `plan` is what would make `observation` as `desired_state`."""
+    rows = as_renamed(desired_state, observation.rows)
+    paths = sorted(desired_state.menus, key=rank)
     differences = [
         difference
         for path in paths
-        for difference in _of_menu(_RowView(MENUS[path], desired, rows[path], past, history), plan)
+        for difference in _of_menu(_RowView(MENUS[path], desired_state, rows[path], past, history), plan)
     ]
     titles = tuple(MENUS[path].title for path in paths)
     return Comparison(titles, tuple(differences), *(() if past is None else (past.run, past.at)))
@@ -363,21 +370,21 @@ def _of_menu(view: _RowView, plan: Plan) -> Iterator[Difference]:
     path = view.menu.path
     raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
     by_id = {row.get(".id"): row for row in view.rows}
-    raws += [Raw(DriftKind.FOREIGN, found=by_id[each.id]) for each in plan.drift if each.menu == path]
-    read = [raw for raw in raws if raw.found is None or view.menu.ordered or not is_bare(raw.found)]
+    raws += [Raw(DriftKind.FOREIGN, actual_row=by_id[each.id]) for each in plan.drift if each.menu == path]
+    read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not is_bare(raw.actual_row)]
     yield from (_message(view, raw) for raw in read)
     if unread := len(raws) - len(read):
         subject = f"{unread} rows more"
         yield Difference(view.menu.title, subject, DriftKind.ADDED, Owner.TECHNICIAN, why_unknown=_UNREAD)
-    for hidden in plan.hidden:
-        if hidden.menu == path:
-            yield _hidden(view.menu, hidden.subject, hidden.name)
+    for secret in plan.hidden_secrets:
+        if secret.menu == path:
+            yield _hidden_difference(view.menu, secret.subject, secret.name)
 
 
 def _message(view: _RowView, raw: Raw) -> Difference:
     menu = view.menu
     since, why = (Since.UNKNOWN, _NEVER) if view.past is None else view.past.since(menu, raw, view.rows)
-    values = raw.declared or raw.found or {}
+    values = raw.desired_row or raw.actual_row or {}
     return Difference(
         menu=menu.title,
         subject="settings" if menu.shape is Shape.SINGLETON else menu.name_of(values),
@@ -393,31 +400,31 @@ def _message(view: _RowView, raw: Raw) -> Difference:
     )
 
 
-def _hidden(menu: Menu, subject: str, name: str) -> Difference:
+def _hidden_difference(menu: Menu, subject: str, name: str) -> Difference:
     fields = (FieldDifference(name, MASK, "not shown"),)
     why = "the device does not show it to our user"
     return Difference(menu.title, subject, DriftKind.HIDDEN, Owner.DECLARED, fields=fields, why_unknown=why)
 
 
 def _owner(menu: Menu, raw: Raw) -> Owner:
-    if raw.declared is not None:
+    if raw.desired_row is not None:
         return Owner.DECLARED
-    return Owner.FORMER if raw.found is not None and menu.is_ours(raw.found) else Owner.TECHNICIAN
+    return Owner.FORMER if raw.actual_row is not None and menu.is_ours(raw.actual_row) else Owner.TECHNICIAN
 
 
 def _row(menu: Menu, raw: Raw) -> str:
-    if raw.found is None:
-        return added_row(menu, raw.declared or {})
-    return "" if raw.declared is not None else existing_row(menu, raw.found)
+    if raw.actual_row is None:
+        return added_row(menu, raw.desired_row or {})
+    return "" if raw.desired_row is not None else existing_row(menu, raw.actual_row)
 
 
 def _fields(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
     if raw.kind is DriftKind.ORDER:
         yield from _place(view, raw)
-    declared, found = raw.declared, raw.found
-    if declared is not None and found is not None:
+    desired_row, actual_row = raw.desired_row, raw.actual_row
+    if desired_row is not None and actual_row is not None:
         for name in raw.differing(view.menu):
-            yield FieldDifference(name, _value(view.menu, name, declared), _value(view.menu, name, found))
+            yield FieldDifference(name, _value(view.menu, name, desired_row), _value(view.menu, name, actual_row))
 
 
 def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
@@ -430,15 +437,17 @@ def _value(menu: Menu, name: str, values: Mapping[str, str]) -> str:
 
 def _place(view: _RowView, raw: Raw) -> Iterator[FieldDifference]:
     """Yield which place of its list the row has; dynamic rows do not count."""
-    menu, row = view.menu, raw.found or {}
-    desired = [
-        content(menu, item.given) for item in view.desired.items[menu.path] if _same_chain(menu, item.given, row)
+    menu, row = view.menu, raw.actual_row or {}
+    desired_contents = [
+        content(menu, item.defined_values)
+        for item in view.desired_state.items[menu.path]
+        if _same_chain(menu, item.defined_values, row)
     ]
     there = [each for each in view.rows if menu.is_touchable(each) and _same_chain(menu, each, row)]
     local = content(menu, row)
-    if local in desired:
-        found = next((place for place, each in enumerate(there, 1) if each.get(".id") == row.get(".id")), 0)
-        yield FieldDifference("place", str(desired.index(local) + 1), str(found))
+    if local in desired_contents:
+        actual_place = next((place for place, each in enumerate(there, 1) if each.get(".id") == row.get(".id")), 0)
+        yield FieldDifference("place", str(desired_contents.index(local) + 1), str(actual_place))
 
 
 def _same_chain(menu: Menu, row: Mapping[str, str], other: Mapping[str, str]) -> bool:
@@ -459,7 +468,7 @@ class _RowIndex:
     @classmethod
     def of(cls, menu: Menu, rows: Sequence[Mapping[str, str]]) -> _RowIndex:
         key = menu.identity if menu.keys else lambda values: content(menu, values)
-        return cls({key(row): row for row in reversed(rows)}, alone(marked, rows))
+        return cls({key(row): row for row in reversed(rows)}, alone(mark_of, rows))
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,23 +486,23 @@ class Past:
     def read(cls, run: str, at: datetime, text: str) -> Past:
         """Read what `snapshot.write` has written. Raises RscError."""
         state = snapshot.read(text, f"the state that run {run} confirmed")
-        return cls(run, at, {path: tuple(item.given for item in items) for path, items in state.items.items()})
+        return cls(run, at, {path: tuple(item.defined_values for item in items) for path, items in state.items.items()})
 
     def since(self, menu: Menu, raw: Raw, rows: Sequence[Row]) -> _Verdict:
         """Return when a difference came about, and why nobody can tell; `rows` are those of the menu now."""
         if menu.path not in self.rows:
             return Since.UNKNOWN, f"run {self.run} did not read this menu"
-        if raw.kind is DriftKind.ORDER and raw.found is not None:
-            return self._order(menu, raw.found, rows)
-        if raw.found is None:
-            there = raw.declared is not None and self._then(menu, raw.declared) is not None
+        if raw.kind is DriftKind.ORDER and raw.actual_row is not None:
+            return self._order(menu, raw.actual_row, rows)
+        if raw.actual_row is None:
+            there = raw.desired_row is not None and self._then(menu, raw.desired_row) is not None
             return (Since.AFTER if there else Since.ALREADY), ""
-        then = self._then(menu, raw.found)
+        then = self._then(menu, raw.actual_row)
         if then is None:
             return Since.AFTER, ""
         if raw.kind is DriftKind.CHANGED:
-            return _changed(menu, raw, then)
-        return (Since.ALREADY if content(menu, then) == content(menu, raw.found) else Since.AFTER), ""
+            return _date_change(menu, raw, then)
+        return (Since.ALREADY if content(menu, then) == content(menu, raw.actual_row) else Since.AFTER), ""
 
     def _then(self, menu: Menu, values: Mapping[str, str]) -> Mapping[str, str] | None:
         """Return the row as it was then: settings are always there, and given rows also at their defaults."""
@@ -503,14 +512,14 @@ class Past:
         if menu.path not in self.indices:
             self.indices[menu.path] = _RowIndex.of(menu, there)
         index = self.indices[menu.path]
-        found = index.by_self.get(menu.identity(values) if menu.keys else content(menu, values))
-        if found is None and menu.keys and (menu.shape is Shape.FIXED or menu.is_stock(values)):
+        match = index.by_self.get(menu.identity(values) if menu.keys else content(menu, values))
+        if match is None and menu.keys and (menu.shape is Shape.FIXED or menu.is_stock(values)):
             return {key: values[key] for key in menu.keys if key in values}
-        return found if found is not None else index.by_mark.get(marked(values))
+        return match if match is not None else index.by_mark.get(mark_of(values))
 
-    def _order(self, menu: Menu, found: Row, rows: Sequence[Row]) -> _Verdict:
+    def _order(self, menu: Menu, actual_row: Row, rows: Sequence[Row]) -> _Verdict:
         """Compare the order of what stood in the row's list then and stands there now."""
-        chain = menu.form(menu.chain, found) if menu.chain else ""
+        chain = menu.form(menu.chain, actual_row) if menu.chain else ""
         then = _chain(menu, self.rows[menu.path], chain)
         now = _chain(menu, [row for row in rows if menu.is_touchable(row)], chain)
         both = set(then) & set(now)
@@ -518,15 +527,15 @@ class Past:
         return (Since.ALREADY if same else Since.AFTER), ""
 
 
-def _changed(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
+def _date_change(menu: Menu, raw: Raw, then: Mapping[str, str]) -> _Verdict:
     names = [name for name in raw.differing(menu) if not menu.by_name[name].secret]
     if not names:
         return _NO_SECRETS
     names = [name for name in names if (menu.path, name) not in snapshot.OF_THE_BOX]
     if not names:
         return Since.UNKNOWN, "a confirmed state leaves out what a device gives itself"
-    found = raw.found or {}
-    same = all(menu.form(name, found) == menu.form(name, then) for name in names)
+    actual_row = raw.actual_row or {}
+    same = all(menu.form(name, actual_row) == menu.form(name, then) for name in names)
     return (Since.ALREADY if same else Since.AFTER), ""
 
 

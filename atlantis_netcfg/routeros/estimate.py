@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Layer, Observed, Plan, Row, Verb, is_bare
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Layer, Observation, Plan, Row, Verb, is_bare
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
@@ -55,7 +55,7 @@ DONE_BYTES: Final = 16
 LATER_UP: Final = 400
 LATER_DOWN: Final = 1_900
 """Users, groups, certificates and device-mode, which are read where something is to change."""
-PARSED: Final = 1.3
+PARSE_FACTOR: Final = 1.3
 """Bytes that come to one of a script when the device's parser is shown it first, at most."""
 CONTROL_DOWN: Final = 60
 """What it answers where nothing is wrong: the refusal of a command that has to be refused."""
@@ -94,7 +94,7 @@ class BearerProfile:
     rtt_s: float
     rate_up_bps: float
     rate_down_bps: float
-    metered: bool
+    is_metered: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,28 +152,28 @@ def _read(
     """Ask for the device itself and for every menu."""
     # A modem is asked beside it, which is more than reading.
     batches = ceil((preflight + len(menus)) / (WINDOW if LTE in menus else READING_WINDOW))
-    answered = TYPICAL_ROWS if rows is None else sum(_answer(row) for each in rows.values() for row in each)
+    answer_bytes = TYPICAL_ROWS if rows is None else sum(_answer(row) for each in rows.values() for row in each)
     tally.spend(
         trips=batches,
         up=PREFLIGHT_UP + sum(map(_question, menus)),
-        down=PREFLIGHT_DOWN + answered + len(menus) * (DONE_BYTES + RECORD_BYTES),
+        down=PREFLIGHT_DOWN + answer_bytes + len(menus) * (DONE_BYTES + RECORD_BYTES),
         device_s=batches * READ_S,
     )
 
 
 def _read_back(
-    tally: _CostTally, menus: Sequence[str], touched: Collection[str], rows: Mapping[str, Sequence[Row]] | None
+    tally: _CostTally, menus: Sequence[str], touched_menus: Collection[str], rows: Mapping[str, Sequence[Row]] | None
 ) -> None:
     """Read everything again, or what was touched and the counts of the rest."""
-    if rows is None or not LEAVES.issuperset(touched):
-        again = [path for path in menus if path in touched or path not in LATER]
+    if rows is None or not LEAVES.issuperset(touched_menus):
+        again = [path for path in menus if path in touched_menus or path not in LATER]
         _read(tally, again, rows and {path: rows[path] for path in again}, AGAIN)
         return
-    answered = sum(_answer(row) for path in touched for row in rows.get(path, ()))
-    counted = len(menus) - len(touched)
+    answer_bytes = sum(_answer(row) for path in touched_menus for row in rows.get(path, ()))
+    count_queries = len(menus) - len(touched_menus)
     tally.spend(
-        up=sum(map(_question, touched)) + counted * COUNT_UP,
-        down=answered + counted * (COUNT_DOWN + RECORD_BYTES),
+        up=sum(map(_question, touched_menus)) + count_queries * COUNT_UP,
+        down=answer_bytes + count_queries * (COUNT_DOWN + RECORD_BYTES),
         device_s=READ_S,
     )
 
@@ -185,19 +185,21 @@ def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[Row]]) -> None:
     tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
 
 
-def estimate(plan: Plan, bearer: BearerProfile, observed: Observed | None = None) -> Estimate:
+def estimate(plan: Plan, bearer: BearerProfile, observation: Observation | None = None) -> Estimate:
     """Estimate the run of a plan; an empty plan costs the reading that found it empty.
 
-    With `observed`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
+    With `observation`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
     """
-    observed = observed and replace(observed, rows={path: _whole(rows) for path, rows in observed.rows.items()})
-    menus = tuple(observed.rows) if observed is not None else TYPICAL_MENUS
+    observation = observation and replace(
+        observation, rows={path: _whole(rows) for path, rows in observation.rows.items()}
+    )
+    menus = tuple(observation.rows) if observation is not None else TYPICAL_MENUS
     tally = _CostTally()
     tally.log_in()
-    _read(tally, menus, observed.rows if observed is not None else None)
+    _read(tally, menus, observation.rows if observation is not None else None)
     if plan.actions:
-        _change(tally, plan, observed, menus)
-    return _described(tally, bearer)
+        _change(tally, plan, observation, menus)
+    return _build_estimate(tally, bearer)
 
 
 def _whole(rows: tuple[Row, ...]) -> tuple[Row, ...]:
@@ -220,10 +222,10 @@ def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = Fal
     tally.log_in()
     if exports:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
-        return _described(tally, bearer)
+        return _build_estimate(tally, bearer)
     _read(tally, TYPICAL_MENUS, None)
     if plans or writes:
-        tally.spend(up=ceil(PARSED * MOST_TEXT) + LATER_UP, down=LATER_DOWN)
+        tally.spend(up=ceil(PARSE_FACTOR * MOST_TEXT) + LATER_UP, down=LATER_DOWN)
     if writes:
         tally.spend(up=200, down=TYPICAL_EXPORT + 4 * TAG_BYTES)
         # As many rows as lines of ordinary length: each is answered by a line, and weighs one in safe mode.
@@ -235,24 +237,24 @@ def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = Fal
         tally.log_in()
         _read(tally, TYPICAL_MENUS, None, AGAIN)
         tally.spend(trips=1, up=120, down=120)
-    return _described(tally, bearer)
+    return _build_estimate(tally, bearer)
 
 
-def _described(tally: _CostTally, bearer: BearerProfile) -> Estimate:
+def _build_estimate(tally: _CostTally, bearer: BearerProfile) -> Estimate:
     return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
 
 
-def _change(tally: _CostTally, plan: Plan, observed: Observed | None, menus: tuple[str, ...]) -> None:
+def _change(tally: _CostTally, plan: Plan, observation: Observation | None, menus: tuple[str, ...]) -> None:
     """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
-    _parse(tally, plan, observed)
+    _parse(tally, plan, observation)
     stages = _stages(plan)
     # With safe mode from the first change to the last, the state is saved in the round trip that takes it.
     alone = len(stages.pieces) == 1 and not stages.before and not stages.behind
-    beside = alone and (observed is None or observed.facts.has_safe_mode)
-    tally.spend(trips=not beside, up=200, down=_export(observed) + 4 * TAG_BYTES)
-    if observed is not None and observed.facts.history >= HISTORY - 1:
-        _look_again(tally, observed.rows)
+    beside = alone and (observation is None or observation.facts.has_safe_mode)
+    tally.spend(trips=not beside, up=200, down=_export(observation) + 4 * TAG_BYTES)
+    if observation is not None and observation.facts.history >= HISTORY - 1:
+        _look_again(tally, observation.rows)
     if stages.before:
         _script(tally, stages.before)
         tally.spend(up=60, down=60)  # safe mode is taken, which else goes beside what is read later
@@ -264,8 +266,8 @@ def _change(tally: _CostTally, plan: Plan, observed: Observed | None, menus: tup
     if stages.behind:
         _script(tally, stages.behind)
     tally.log_in()
-    touched = {action.menu for action in plan.actions}
-    _read_back(tally, menus, touched, simulate(observed.rows, plan) if observed is not None else None)
+    touched_menus = {action.menu for action in plan.actions}
+    _read_back(tally, menus, touched_menus, simulate(observation.rows, plan) if observation is not None else None)
     tally.spend(up=60, down=60)
 
 
@@ -287,10 +289,10 @@ class _StageCosts:
 def _stages(plan: Plan) -> _StageCosts:
     """Return the cheapest way."""
     ways = ((), (True,), (False,), (True, False))
-    return min((_staged(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
+    return min((_split_stages(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
 
 
-def _staged(actions: Sequence[Action], outside: Sequence[bool]) -> _StageCosts:
+def _split_stages(actions: Sequence[Action], outside: Sequence[bool]) -> _StageCosts:
     """Send harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
     out = [each for each in actions if _is_harmless(each) and (each.layer is Layer.FOUNDATION) in outside]
     numbers = {each.number for each in out}
@@ -329,22 +331,24 @@ def _script(tally: _CostTally, actions: Sequence[Action]) -> None:
     tally.spend(trips=trips, up=size + 40, down=reply + 40, device_s=len(actions) * EXECUTE_S)
 
 
-def _parse(tally: _CostTally, plan: Plan, observed: Observed | None) -> None:
+def _parse(tally: _CostTally, plan: Plan, observation: Observation | None) -> None:
     """Show the commands to the device's parser, beside what is read before a change."""
-    requested = Examination().questions(plan.actions, observed.rows if observed is not None else {})
-    up = sum(_word(word) for command in requested for word in command.words()) + len(requested) * (TAG_BYTES + 1)
-    words = sum(1 for command in requested for query in command.queries if query != "?#|")
-    scripts = sum(1 for command in requested if not command.queries)
-    down = scripts * (CONTROL_DOWN + DONE_BYTES) + words * OFFERED_DOWN + len(requested) * RECORD_BYTES
+    commands = Examination().questions(plan.actions, observation.rows if observation is not None else {})
+    up = sum(_word(word) for command in commands for word in command.words()) + len(commands) * (TAG_BYTES + 1)
+    words = sum(1 for command in commands for query in command.queries if query != "?#|")
+    scripts = sum(1 for command in commands if not command.queries)
+    down = scripts * (CONTROL_DOWN + DONE_BYTES) + words * OFFERED_DOWN + len(commands) * RECORD_BYTES
     tally.spend(trips=0, up=up, down=down, device_s=len(plan.actions) * EXECUTE_S)
 
 
-def _export(observed: Observed | None) -> int:
+def _export(observation: Observation | None) -> int:
     # The firewall is read of every router, but not for an order of its links: the export holds more than that.
-    if observed is None or "/ip/firewall/filter" not in observed.rows:
+    if observation is None or "/ip/firewall/filter" not in observation.rows:
         return TYPICAL_EXPORT
-    known = ((MENUS[path], rows) for path, rows in observed.rows.items() if path in MENUS and MENUS[path].exported)
-    return EXPORT_HEAD + sum(len(existing_row(menu, row)) + 2 for menu, rows in known for row in rows)
+    exported_menus = (
+        (MENUS[path], rows) for path, rows in observation.rows.items() if path in MENUS and MENUS[path].is_exported
+    )
+    return EXPORT_HEAD + sum(len(existing_row(menu, row)) + 2 for menu, rows in exported_menus for row in rows)
 
 
 def _question(path: str) -> int:

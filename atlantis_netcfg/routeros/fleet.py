@@ -48,24 +48,24 @@ async def run(
     *,
     mode: str = JobMode.APPLY,
     at_once: int = AT_ONCE,
-    done: ResultCallback | None = None,
+    on_result: ResultCallback | None = None,
 ) -> list[DeviceResult]:
-    """Converge every device and return the results in the order of the jobs; `done` is told each as soon as it exists.
+    """Converge every device and return the results in the order of the jobs; `on_result` is called with each.
 
     Cancelled once, it stops: devices in work are taken back, those that wait are left alone, all are reported.
     """
     waiting = list(jobs)
     results: dict[int, list[DeviceResult]] = {number: [] for number in range(len(waiting))}
     turns = [(_waiting(job), results[number].append) for number, job in enumerate(waiting)]
-    await _all(turns, JobMode(mode), at_once, done)
+    await _all(turns, JobMode(mode), at_once, on_result)
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
 async def stream(
-    jobs: Iterable[Waiting], reported: ResultCallback, *, mode: str = JobMode.APPLY, at_once: int = AT_ONCE
+    jobs: Iterable[Waiting], on_result: ResultCallback, *, mode: str = JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
     """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
-    await _all([(job, reported) for job in jobs], JobMode(mode), at_once, None)
+    await _all([(job, on_result) for job in jobs], JobMode(mode), at_once, None)
 
 
 def _waiting(job: DeviceJob | Pair) -> Waiting:
@@ -79,13 +79,13 @@ def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
 
 
 async def _all(
-    turns: Sequence[tuple[Waiting, ResultCallback]], mode: JobMode, at_once: int, done: ResultCallback | None
+    turns: Sequence[tuple[Waiting, ResultCallback]], mode: JobMode, at_once: int, on_result: ResultCallback | None
 ) -> None:
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
     over = {name: asyncio.Event() for job, _ in turns for name in _names(job) if name in ways}
     tasks = [
-        asyncio.create_task(_device(job, mode, room, over, reported, done), name=job.name) for job, reported in turns
+        asyncio.create_task(_device(job, mode, room, over, report, on_result), name=job.name) for job, report in turns
     ]
     await _finish(tasks)
     for (job, output), task in zip(turns, tasks, strict=True):
@@ -101,8 +101,8 @@ async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
     mode: JobMode,
     room: _Room,
     over: Mapping[str, asyncio.Event],
-    reported: ResultCallback,
-    done: ResultCallback | None,
+    report: ResultCallback,
+    on_result: ResultCallback | None,
 ) -> None:
     for name in job.after:
         if name in over:
@@ -115,9 +115,9 @@ async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
             if name in over:
                 over[name].set()
     for result in results:
-        reported(result)
-        if done is not None:
-            done(result)
+        report(result)
+        if on_result is not None:
+            on_result(result)
 
 
 class _Room:

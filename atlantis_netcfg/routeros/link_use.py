@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import Desired, RowItem, RunTime
+from atlantis_netcfg.routeros._items import DesiredState, RowItem, RunTime
 from atlantis_netcfg.routeros.menus import MARK
 from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
 from atlantis_netcfg.routeros.scheduler_jobs import USE
@@ -28,19 +28,19 @@ from atlantis_netcfg.routeros.scheduler_jobs import USE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.routeros._types import Observation, Row
 
 ROUTES = "/ip/route"
 TICK_S = 10
 """The job looks so often; the use ends so much earlier at most."""
 SETTLED_S = 120
 """A router that was started later has not judged its links yet, and a second start could not be told from the first."""
-_BEGUN, _IN_USE, _HOLDING = "4", "5", "6"
-_OVERRIDES = frozenset({_BEGUN, _IN_USE, _HOLDING})
+_STARTING, _IN_USE, _HOLDING = "4", "5", "6"
+_OVERRIDES = frozenset({_STARTING, _IN_USE, _HOLDING})
 _DEFAULT = "0.0.0.0/0"
-_JOB_STEP = RunTime(ROUTES, "distance", _BEGUN, _IN_USE)
+_JOB_STEP = RunTime(ROUTES, "distance", _STARTING, _IN_USE)
 """What the first run of the job changes."""
-_UNJUDGED = ", not probed"
+_NOT_PROBED = ", not probed"
 _STAMP = "%Y-%m-%d %H:%M"
 _COMMENT = re.compile(rf"{MARK}: (\S+) in use until (\d{{4}}-\d\d-\d\d \d\d:\d\d) UTC, uptime (\d+)s")
 
@@ -66,8 +66,8 @@ class LinkUse:
 
     def words(self, uptime_s: float | None) -> str:
         """What every run says of it."""
-        left = self.left_s(uptime_s)
-        more = "" if left is None else f" ({_minutes(left)} left)"
+        remaining_s = self.left_s(uptime_s)
+        more = "" if remaining_s is None else f" ({_minutes(remaining_s)} left)"
         return (
             f"{self.link} is in use instead of the declared order until {self.until:{_STAMP}} UTC{more}, by "
             "`provision use`: then, or when the router is started anew, the router puts its order back by itself"
@@ -88,154 +88,158 @@ def in_use(rows: Iterable[Row]) -> LinkUse | None:
     return None
 
 
-def tolerated(desired: Desired, observed: Observed) -> Desired:
+def allow_link_use(desired_state: DesiredState, observation: Observation) -> DesiredState:
     """Return what is declared, and that the routes of a link in use are where its job has put them.
 
-    Without the job they are not: then their distances are a difference that a run puts right. What `begun` and `ended`
-    make says itself what the routes shall be.
+    Without the job they are not: then their distances are drift that a run corrects. `start_use` and `end_use` set
+    the routes themselves.
     """
-    lasting = tuple(each for each in desired.run_time if not each.temporary)
-    use = in_use(observed.jobs)
-    if use is None or ROUTES in desired.partial:
-        return replace(desired, run_time=lasting)
-    return replace(desired, run_time=(*lasting, *dict.fromkeys(_run_time(desired, use.link))))
+    lasting = tuple(each for each in desired_state.run_time if not each.temporary)
+    use = in_use(observation.jobs)
+    if use is None or ROUTES in desired_state.partial:
+        return replace(desired_state, run_time=lasting)
+    return replace(desired_state, run_time=(*lasting, *dict.fromkeys(_run_time(desired_state, use.link))))
 
 
-def _run_time(desired: Desired, link: str) -> Iterator[RunTime]:
-    for item in _routes(desired, link):
+def _run_time(desired_state: DesiredState, link: str) -> Iterator[RunTime]:
+    for item in _routes(desired_state, link):
         for distance in _distances(item):
-            yield RunTime(ROUTES, "distance", item.given["distance"], distance, temporary=True)
+            yield RunTime(ROUTES, "distance", item.defined_values["distance"], distance, temporary=True)
         if _is_unwatched(item):
             yield RunTime(ROUTES, "check-gateway", "none", "arp", temporary=True)
 
 
-def without_use(saved: Desired, declared: Desired) -> Desired:
+def without_use(saved_state: DesiredState, desired_state: DesiredState) -> DesiredState:
     """Return a saved state without the distances of a use that was in force when it was saved: its job is long gone."""
-    known = {item.identity: item.given.get("distance") for item in _routes(declared)}
+    distances = {item.identity: item.defined_values.get("distance") for item in _routes(desired_state)}
 
-    def settled(item: RowItem) -> RowItem:
-        distance = known.get(item.identity)
+    def reset_distance(item: RowItem) -> RowItem:
+        distance = distances.get(item.identity)
         overridden = distance is not None and item.values.get("distance") in _OVERRIDES
         return replace(item, values={**item.values, "distance": distance}) if overridden else item
 
-    return replace(saved, items={**saved.items, ROUTES: tuple(map(settled, saved.items.get(ROUTES, ())))})
+    return replace(
+        saved_state, items={**saved_state.items, ROUTES: tuple(map(reset_distance, saved_state.items.get(ROUTES, ())))}
+    )
 
 
-def begun(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> Desired:
+def start_use(
+    desired_state: DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]
+) -> DesiredState:
     """Return the routes and the job of a link in use; of another link that was in use, its declared distances.
 
     `addresses`: link to the router's own address on it, for all links of the site.
     """
-    routes = tuple(_moved(item, in_use=_link(item) == use.link) for item in _routes(declared))
+    routes = tuple(_build_route_item(item, in_use=_link(item) == use.link) for item in _routes(desired_state))
     values = {
         "name": USE,
         "comment": use.comment,
         "interval": f"{TICK_S}s",
-        "on-event": _script(declared, use, since_uptime_s, addresses),
+        "on-event": _script(desired_state, use, since_uptime_s, addresses),
         "start-date": "1970-01-01",
         "start-time": "00:00:00",
     }
     return replace(
-        declared,
+        desired_state,
         source=f"the use of {use.link}",
         items={SCHEDULER: (RowItem(SCHEDULER, dict(values)),), ROUTES: routes},
         entire=frozenset(),
-        undeclared={},
+        undeclared_values={},
         partial=frozenset({SCHEDULER, ROUTES}),
-        run_time=(*declared.run_time, *dict.fromkeys(_run_time_begun(declared, use.link))),
+        run_time=(*desired_state.run_time, *dict.fromkeys(_run_time_begun(desired_state, use.link))),
         remarks=(),
     )
 
 
-def _run_time_begun(declared: Desired, link: str) -> Iterator[RunTime]:
+def _run_time_begun(desired_state: DesiredState, link: str) -> Iterator[RunTime]:
     """What netwatch and the job make of the routes of a link in use."""
     yield _JOB_STEP
-    for item in _routes(declared, link):
-        for each in declared.run_time:
-            if (each.menu, each.name, each.declared) == (ROUTES, "distance", item.given["distance"]):
-                yield replace(each, declared=_distances(item)[0])
+    for item in _routes(desired_state, link):
+        for each in desired_state.run_time:
+            if (each.menu, each.name, each.declared_value) == (ROUTES, "distance", item.defined_values["distance"]):
+                yield replace(each, declared_value=_distances(item)[0])
 
 
-def ended(declared: Desired) -> Desired:
+def end_use(desired_state: DesiredState) -> DesiredState:
     """Return the declared distances of all links, and no job: it is removed with them."""
     return replace(
-        declared,
+        desired_state,
         source="the declared order",
-        items={SCHEDULER: (), ROUTES: tuple(_moved(item, in_use=False) for item in _routes(declared))},
+        items={SCHEDULER: (), ROUTES: tuple(_build_route_item(item, in_use=False) for item in _routes(desired_state))},
         entire=frozenset(),
-        undeclared={},
+        undeclared_values={},
         partial=frozenset({ROUTES}),
-        run_time=(*declared.run_time, _JOB_STEP),
+        run_time=(*desired_state.run_time, _JOB_STEP),
         remarks=(),
     )
 
 
-def is_order(desired: Desired) -> bool:
-    """Tell whether a text is about routes and jobs alone, as those of `begun` and `ended` are."""
-    return {ROUTES, SCHEDULER}.issuperset(desired.menus)
+def is_order(desired_state: DesiredState) -> bool:
+    """Tell whether a text is about routes and jobs alone, as those of `start_use` and `end_use` are."""
+    return {ROUTES, SCHEDULER}.issuperset(desired_state.menus)
 
 
-def links_of(declared: Desired) -> tuple[str, ...]:
+def links_of(desired_state: DesiredState) -> tuple[str, ...]:
     """Return the links that have default routes, in their order."""
-    return tuple(dict.fromkeys(map(_link, _routes(declared))))
+    return tuple(dict.fromkeys(map(_link, _routes(desired_state))))
 
 
-def _routes(desired: Desired, link: str | None = None) -> tuple[RowItem, ...]:
+def _routes(desired_state: DesiredState, link: str | None = None) -> tuple[RowItem, ...]:
     """Return the default routes of the main table by which links are chosen."""
     return tuple(
         item
-        for item in desired.items.get(ROUTES, ())
+        for item in desired_state.items.get(ROUTES, ())
         if item.is_marked
-        and item.given.get("dst-address") == _DEFAULT
-        and "routing-table" not in item.given
+        and item.defined_values.get("dst-address") == _DEFAULT
+        and "routing-table" not in item.defined_values
         and link in {None, _link(item)}
     )
 
 
 def _link(item: RowItem) -> str:
     """The comment of such a route is `atlantis: LINK, …`."""
-    return item.given["comment"].removeprefix(f"{MARK}: ").partition(",")[0]
+    return item.defined_values["comment"].removeprefix(f"{MARK}: ").partition(",")[0]
 
 
 def _is_unjudged(item: RowItem) -> bool:
-    return item.given["comment"].endswith(_UNJUDGED)
+    return item.defined_values["comment"].endswith(_NOT_PROBED)
 
 
 def _is_unwatched(item: RowItem) -> bool:
     """Tell whether nothing is declared that would notice a dead box at this end."""
-    return _is_unjudged(item) and "check-gateway" not in item.given
+    return _is_unjudged(item) and "check-gateway" not in item.defined_values
 
 
 def _is_holding(item: RowItem) -> bool:
-    return int(item.given["distance"]) % 10 == 1
+    return int(item.defined_values["distance"]) % 10 == 1
 
 
 def _distances(item: RowItem) -> tuple[str, ...]:
     """What a route of a link in use has instead of its declared distance: at first, and later."""
-    return (_HOLDING,) if _is_holding(item) else (_BEGUN, _IN_USE)
+    return (_HOLDING,) if _is_holding(item) else (_STARTING, _IN_USE)
 
 
-def _moved(item: RowItem, *, in_use: bool) -> RowItem:
+def _build_route_item(item: RowItem, *, in_use: bool) -> RowItem:
     """Return the row as it has to be: it is there already, and nothing else of it is looked at.
 
     A link that netwatch does not judge is watched by ARP while it is in use, which asks its box at this end alone.
     """
-    check = "arp" if in_use and _is_unjudged(item) else item.given.get("check-gateway")
-    distance = _distances(item)[0] if in_use else item.given["distance"]
+    check = "arp" if in_use and _is_unjudged(item) else item.defined_values.get("check-gateway")
+    distance = _distances(item)[0] if in_use else item.defined_values["distance"]
     values = {**{name: item.values[name] for name in ("dst-address", "gateway")}, "distance": distance}
     return RowItem(ROUTES, {**values, "check-gateway": check}, item.line, exists=True)
 
 
-def _script(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> str:
+def _script(desired_state: DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> str:
     """Return what the job does each time: end the use, or see that the link has the first place.
 
     A link that was left and is good again has its declared distance from netwatch, and gets the first place back.
     """
-    items = _routes(declared, use.link)
-    usual = next(item.given["distance"] for item in items if not _is_holding(item))
-    holding = next((item.given["distance"] for item in items if _is_holding(item)), None)
+    items = _routes(desired_state, use.link)
+    usual = next(item.defined_values["distance"] for item in items if not _is_holding(item))
+    holding = next((item.defined_values["distance"] for item in items if _is_holding(item)), None)
     routes = f'comment~"^{MARK}: {use.link}, "'
-    watched, unwatched = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unwatched, items)) else ("", "")
+    set_check, clear_check = ("check-gateway=arp ", "!check-gateway ") if any(map(_is_unwatched, items)) else ("", "")
     others = "|".join(address for name, address in addresses.items() if name != use.link)
 
     def move(old: str, new: str, more: str = "") -> str:
@@ -244,19 +248,19 @@ def _script(declared: Desired, use: LinkUse, since_uptime_s: int, addresses: Map
 
     over = "; ".join(
         (
-            *(move(distance, usual, unwatched) for distance in (_BEGUN, _IN_USE)),
+            *(move(distance, usual, clear_check) for distance in (_STARTING, _IN_USE)),
             *((move(_HOLDING, holding),) if holding is not None else ()),
             _cut(addresses[use.link]),
             f'/log info message="atlantis: {use.link} is not in use any more, the declared order is back"',
             f"/system scheduler remove [find name={USE}]",
         )
     )
-    first = f"{routes} distance={_BEGUN}"
+    first = f"{routes} distance={_STARTING}"
     on = "; ".join(
         (
-            move(usual, _BEGUN, watched),
+            move(usual, _STARTING, set_check),
             *((move(holding, _HOLDING),) if holding is not None else ()),
-            f":if ([:len [/ip route find {first} active]] > 0) do={{{_cut(others)}; {move(_BEGUN, _IN_USE)}}}",
+            f":if ([:len [/ip route find {first} active]] > 0) do={{{_cut(others)}; {move(_STARTING, _IN_USE)}}}",
         )
     )
     uptime = "[/system resource get uptime]"

@@ -13,14 +13,14 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observed, PortCounts, Row, is_bare
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observation, PortCounts, Row, is_bare
 from atlantis_netcfg.routeros.api import WINDOW, Command, Endpoint, Reply
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
 from atlantis_netcfg.routeros.pin import LTE, MONITOR, STATUS_FIELDS, monitor_of
 from atlantis_netcfg.routeros.safe_mode import READ, Holder
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED
+from atlantis_netcfg.routeros.scheduler_jobs import READ_JOBS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -124,7 +124,7 @@ _FOLLOWING: Final = {"/ip/route": ("?connect=true", "?#!")}
 _SAMPLES: Final = 3
 
 
-class MenuMissing(DeviceFailed):
+class MenuMissing(DeviceError):
     """The device lacks a menu that the declaration needs: its version is too old, or a package is not installed."""
 
 
@@ -141,7 +141,7 @@ class _Preflight:
 
 
 # Last, so that who holds safe mode is the latest that is known.
-_PREFLIGHT = (_RESOURCE, READ, _ACTIVE, _HISTORY, ARMED, _DEVICE_MODE)
+_PREFLIGHT = (_RESOURCE, READ, _ACTIVE, _HISTORY, READ_JOBS, _DEVICE_MODE)
 _AGAIN = 2
 """So many of them are asked of a device that is known already: what it runs, and who holds safe mode."""
 
@@ -149,32 +149,32 @@ _AGAIN = 2
 async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known already
     session: Channel,
     endpoint: Endpoint,
-    needed: Sequence[str],
+    required_menus: Sequence[str],
     looked_at: Sequence[str] = (),
-    counted: Sequence[str] = (),
-    known: Facts | None = None,
+    counted_ports: Sequence[str] = (),
+    known_facts: Facts | None = None,
     brief: Collection[str] = (),
-) -> Observed:
-    """Read facts and menus. `needed` must be there, `looked_at` are read where the device has them.
+) -> Observation:
+    """Read facts and menus. `required_menus` must be there, `looked_at` are read where the device has them.
 
     What our user may do, and what device-mode forbids, is told if users and groups are among them.
 
-    The byte counters of the ports `counted` are read first and last, as far as the round trips of the reading have room
-    for it: they never cost one of their own. `known`: what an earlier reading of this run has told of the device
-    itself, of which only version, name and the holder of safe mode are told anew. `brief`: menus of which others may
+    The byte counters of `counted_ports` are read first and last where a round trip has room for it: they never cost
+    one of their own. `known_facts`: what an earlier reading of this run has told of the device itself, of which only
+    version, name and the holder of safe mode are read again. `brief`: menus of which others may
     have rows by the thousand. There our rows are read and all are counted; beyond a hundred the others are read bare,
     else the menu is read whole, either in one more round trip.
     Raises MenuMissing naming what the device lacks, Refused if it may not be read, SessionLost.
     """
-    menus = list(dict.fromkeys((*needed, *looked_at, _IDENTITY)))
+    menus = list(dict.fromkeys((*required_menus, *looked_at, _IDENTITY)))
     is_requested = _GROUP in menus
-    about = _PREFLIGHT[:_AGAIN] if known is not None else _PREFLIGHT if is_requested else _PREFLIGHT[:-1]
+    about = _PREFLIGHT[:_AGAIN] if known_facts is not None else _PREFLIGHT if is_requested else _PREFLIGHT[:-1]
     counted_menus = [path for path in menus if path in brief]
     reading = [replace(printing(path), queries=_OURS) if path in brief else printing(path) for path in menus]
     commands = [*reading, *map(counting_rows, counted_menus), *about]
-    modem = [MONITOR] if LTE in needed else []
+    modem = [MONITOR] if LTE in required_menus else []
     commands = [*modem, *commands]
-    first, last = looks(counted, len(commands), WINDOW if modem else endpoint.window)
+    first, last = looks(counted_ports, len(commands), WINDOW if modem else endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
@@ -183,55 +183,72 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     numbers = dict(zip(counted_menus, replies[len(menus) :], strict=False))
     replies = [*replies[: len(menus)], *replies[len(menus) + len(counted_menus) :]]
     silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
-    seen = _Preflight(*replies[len(menus) :], *silent)
-    rows = {path: _rows(path, reply, needed=path in needed) for path, reply in answers.items()}
-    version = _version(seen.resource.checked())
-    missing = [path for path in needed if rows[path] is None]
+    preflight = _Preflight(*replies[len(menus) :], *silent)
+    rows = {path: _rows(path, reply, is_required=path in required_menus) for path, reply in answers.items()}
+    version = _version(preflight.resource.check())
+    missing = [path for path in required_menus if rows[path] is None]
     if missing:
         names = ", ".join(MENUS[path].title for path in missing)
         raise MenuMissing(
             f"this device (RouterOS {version}) does not have {names}",
             hint="upgrade RouterOS or install the package that brings it, or take these rows out of the template",
         )
-    found = {path: there for path, there in rows.items() if there is not None}
-    found |= await _others(session, {path: found[path] for path in counted_menus if path in found}, numbers)
-    counts = (read_counts(reply, seen.resource) for reply in counters)
-    facts = _facts(seen, endpoint, version, found, is_requested=is_requested)
-    if known is not None:
+    present_rows = {path: there for path, there in rows.items() if there is not None}
+    present_rows |= await _others(
+        session, {path: present_rows[path] for path in counted_menus if path in present_rows}, numbers
+    )
+    counts = (read_counts(reply, preflight.resource) for reply in counters)
+    facts = _facts(preflight, endpoint, version, present_rows, is_requested=is_requested)
+    if known_facts is not None:
         facts = replace(
-            facts, device_mode=known.device_mode, session_address=known.session_address, history=known.history
+            facts,
+            device_mode=known_facts.device_mode,
+            session_address=known_facts.session_address,
+            history=known_facts.history,
         )
-        facts = facts if is_requested else replace(facts, policies=known.policies)
+        facts = facts if is_requested else replace(facts, policies=known_facts.policies)
     found_counts = tuple(each for each in counts if each is not None)
-    named = monitor_of(found.get(LTE, ()))
-    modem_now = modem_row(result[0] if named == MONITOR else await session.command(named)) if result else None
-    uptime_s = seconds(_first(seen.resource).get("uptime", ""))
-    return Observed(facts, found, found_counts, modem_now, seen.jobs.checked().rows, uptime_s)
+    monitor = monitor_of(present_rows.get(LTE, ()))
+    modem_now = modem_row(result[0] if monitor == MONITOR else await session.command(monitor)) if result else None
+    uptime_s = seconds(_first(preflight.resource).get("uptime", ""))
+    return Observation(facts, present_rows, found_counts, modem_now, preflight.jobs.check().rows, uptime_s)
 
 
 async def read_back(
-    session: Channel, endpoint: Endpoint, seen: Observed, touched: Collection[str], counted: Sequence[str] = ()
-) -> Observed:
+    session: Channel,
+    endpoint: Endpoint,
+    observation: Observation,
+    touched_menus: Collection[str],
+    counted_ports: Sequence[str] = (),
+) -> Observation:
     """Read the device after a change of menus that nothing else follows (`LEAVES`): these in full, counts of the rest.
 
-    A menu that has another number of rows than in `seen` is read, too. Given up, against reading everything again: what
-    somebody else has set meanwhile in a menu that this run did not touch, without adding or removing a row, is found by
-    the next run. Settings have no rows to count, and are taken as `seen`. Raises Refused, SessionLost.
+    A menu whose number of rows differs from `observation` is read, too. What somebody else has set meanwhile in another
+    menu, without adding or removing a row, is found by the next run. Settings have no rows to count,
+    and are taken as `observation`. Raises Refused, SessionLost.
     """
-    others = [path for path in seen.rows if path not in touched and MENUS[path].shape is not Shape.SINGLETON]
-    commands = [*map(printing, touched), *map(counting_rows, others), _RESOURCE, READ]
-    first, last = looks(counted, len(commands), endpoint.window)
+    others = [
+        path for path in observation.rows if path not in touched_menus and MENUS[path].shape is not Shape.SINGLETON
+    ]
+    commands = [*map(printing, touched_menus), *map(counting_rows, others), _RESOURCE, READ]
+    first, last = looks(counted_ports, len(commands), endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
-    *numbers, resource, holder = replies[len(touched) :]
-    moved = [path for path, reply in zip(others, numbers, strict=True) if number_of_rows(reply) != len(seen.rows[path])]
-    found = merged(seen, list(touched), replies[: len(touched)])
-    if moved:
-        found = merged(found, moved, await session.flight([*map(printing, moved)]))
-    facts = replace(seen.facts, version=_version(resource.checked()), safe_mode_owner=Holder.of(holder).who or None)
+    *numbers, resource, holder = replies[len(touched_menus) :]
+    changed_menus = [
+        path
+        for path, reply in zip(others, numbers, strict=True)
+        if number_of_rows(reply) != len(observation.rows[path])
+    ]
+    current = merge_menus(observation, list(touched_menus), replies[: len(touched_menus)])
+    if changed_menus:
+        current = merge_menus(current, changed_menus, await session.flight([*map(printing, changed_menus)]))
+    facts = replace(
+        observation.facts, version=_version(resource.check()), safe_mode_owner=Holder.of(holder).who or None
+    )
     counts = (read_counts(reply, resource) for reply in counters)
-    return Observed(facts, found.rows, tuple(each for each in counts if each is not None), seen.modem)
+    return Observation(facts, current.rows, tuple(each for each in counts if each is not None), observation.modem)
 
 
 async def _others(
@@ -243,23 +260,23 @@ async def _others(
     bare = [path for path, few in more.items() if (number[path] or 0) - few > FEW_FOREIGN]
     reading = {path: _bare(path) if path in bare else printing(path) for path in more}
     answers = await session.flight(list(reading.values())) if reading else ()
-    found = {path: reply.checked().rows for path, reply in zip(reading, answers, strict=True)}
-    return {path: _together(rows, ours[path]) if path in bare else rows for path, rows in found.items()}
+    rows_by_menu = {path: reply.check().rows for path, reply in zip(reading, answers, strict=True)}
+    return {path: _together(rows, ours[path]) if path in bare else rows for path, rows in rows_by_menu.items()}
 
 
 def _bare(path: str) -> Command:
     return Command(f"{path}/print", ((".proplist", ".id"),))
 
 
-def _together(rows: Sequence[Row], known: Iterable[Row]) -> tuple[Row, ...]:
+def _together(rows: Sequence[Row], known_rows: Iterable[Row]) -> tuple[Row, ...]:
     """Return `rows` with what is known of them."""
-    by_id = {row[".id"]: row for row in known}
+    by_id = {row[".id"]: row for row in known_rows}
     return tuple(by_id.get(row[".id"], row) for row in rows)
 
 
-def samples(observed: Observed) -> dict[str, Command]:
+def samples(observation: Observation) -> dict[str, Command]:
     """Return by menu what reads a few of its bare rows, so that a person sees whose they are: the last ones."""
-    bare = {path: [row[".id"] for row in rows if is_bare(row)][-_SAMPLES:] for path, rows in observed.rows.items()}
+    bare = {path: [row[".id"] for row in rows if is_bare(row)][-_SAMPLES:] for path, rows in observation.rows.items()}
     either = {
         path: [f"?.id={first}", *(word for each in more for word in (f"?.id={each}", "?#|"))]
         for path, (first, *more) in ((path, ids) for path, ids in bare.items() if ids)
@@ -267,20 +284,20 @@ def samples(observed: Observed) -> dict[str, Command]:
     return {path: replace(printing(path), queries=tuple(words)) for path, words in either.items()}
 
 
-def with_rows(observed: Observed, menus: Iterable[str], replies: Iterable[Reply]) -> Observed:
+def with_rows(observation: Observation, menus: Iterable[str], replies: Iterable[Reply]) -> Observation:
     """Return the observation with what was read of bare rows since."""
     fresh = {
-        path: _together(observed.rows[path], reply.checked().rows) for path, reply in zip(menus, replies, strict=True)
+        path: _together(observation.rows[path], reply.check().rows) for path, reply in zip(menus, replies, strict=True)
     }
-    return replace(observed, rows={**observed.rows, **fresh})
+    return replace(observation, rows={**observation.rows, **fresh})
 
 
-async def read_bare(session: Channel, observed: Observed) -> Observed:
+async def read_bare(session: Channel, observation: Observation) -> Observation:
     """Return the observation with the menus whole of which rows were read bare."""
-    menus = [path for path, rows in observed.rows.items() if any(map(is_bare, rows))]
+    menus = [path for path, rows in observation.rows.items() if any(map(is_bare, rows))]
     replies = await session.flight([*map(printing, menus)])
-    fresh = {path: _known(path, reply.checked()) for path, reply in zip(menus, replies, strict=True)}
-    return replace(observed, rows={**observed.rows, **fresh})
+    fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
+    return replace(observation, rows={**observation.rows, **fresh})
 
 
 def counting_rows(path: str) -> Command:
@@ -293,25 +310,25 @@ def number_of_rows(reply: Reply) -> int | None:
     return int(reply.ret) if reply.trap is None and reply.ret is not None and reply.ret.isdecimal() else None
 
 
-async def completed(
+async def complete_observation(
     session: Channel,
     endpoint: Endpoint,
-    observed: Observed,
+    observation: Observation,
     beside: Sequence[Command] = (),
     later: Iterable[str] = LATER,
-) -> tuple[Observed, list[Reply]]:
+) -> tuple[Observation, list[Reply]]:
     """Return the observation with what is read `later`, and device-mode; menus that are there are not asked again.
 
     `beside` goes in the same round trip; its answers come second.
     """
-    menus = [path for path in dict.fromkeys(later) if path not in observed.rows]
+    menus = [path for path in dict.fromkeys(later) if path not in observation.rows]
     replies = await session.flight([*map(printing, menus), _DEVICE_MODE, *beside])
     replies, answers = replies[: len(menus) + 1], replies[len(menus) + 1 :]
     *replies, device_mode = replies
-    fresh = {path: _rows(path, reply, needed=False) for path, reply in zip(menus, replies, strict=True)}
-    rows = {**observed.rows, **{path: there for path, there in fresh.items() if there is not None}}
-    facts = replace(observed.facts, policies=_policies(endpoint.user, rows), device_mode=_first(device_mode))
-    return replace(observed, facts=facts, rows=rows), answers
+    fresh = {path: _rows(path, reply, is_required=False) for path, reply in zip(menus, replies, strict=True)}
+    rows = {**observation.rows, **{path: there for path, there in fresh.items() if there is not None}}
+    facts = replace(observation.facts, policies=_policies(endpoint.user, rows), device_mode=_first(device_mode))
+    return replace(observation, facts=facts, rows=rows), answers
 
 
 def modem_row(reply: Reply) -> Row | None:
@@ -321,19 +338,19 @@ def modem_row(reply: Reply) -> Row | None:
     return {name: value for name, value in reply.rows[0].items() if name in STATUS_FIELDS}
 
 
-def merged(observed: Observed, menus: Sequence[str], replies: Sequence[Reply]) -> Observed:
+def merge_menus(observation: Observation, menus: Sequence[str], replies: Sequence[Reply]) -> Observation:
     """Return an observation with some menus as they were read since."""
-    fresh = {path: _known(path, reply.checked()) for path, reply in zip(menus, replies, strict=True)}
-    return Observed(observed.facts, {**observed.rows, **fresh}, modem=observed.modem)
+    fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
+    return Observation(observation.facts, {**observation.rows, **fresh}, modem=observation.modem)
 
 
 def printing(path: str) -> Command:
     """Return the command that reads a menu. Settings are asked for whole: their names cost more than their values."""
     menu = MENUS[path]
     whole = menu.shape is Shape.SINGLETON or path in WHOLE
-    named = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
-    named = (*named, ("config", "")) if menu.configured else named
-    return Command(f"{path}/print", named, _FOLLOWING.get(path, ()))
+    arguments = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
+    arguments = (*arguments, ("config", "")) if menu.has_config_view else arguments
+    return Command(f"{path}/print", arguments, _FOLLOWING.get(path, ()))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:
@@ -345,13 +362,13 @@ def _properties(menu: Menu) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*readable, *menu.flags)))
 
 
-def _known(path: str, reply: Reply) -> tuple[Row, ...]:
+def _configuration_rows(path: str, reply: Reply) -> tuple[Row, ...]:
     """Return the rows, of settings without what nobody asked for: clocks and counters are no configuration."""
     menu = MENUS[path]
     if menu.shape is not Shape.SINGLETON and menu.path not in WHOLE:
         return reply.rows
     if menu.shape is Shape.SINGLETON and len(reply.rows) > 1:
-        raise DeviceFailed(
+        raise DeviceError(
             f"{menu.title}: settings are one row, and the device answers with {len(reply.rows)}, of which nobody knows "
             "which holds",
             hint=f"look at them on the device:  {menu.title} print",
@@ -360,12 +377,12 @@ def _known(path: str, reply: Reply) -> tuple[Row, ...]:
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
 
 
-def _rows(path: str, reply: Reply, *, needed: bool) -> tuple[Row, ...] | None:
+def _rows(path: str, reply: Reply, *, is_required: bool) -> tuple[Row, ...] | None:
     """Return the rows, or None if the device has no such menu, or keeps one from us that we can do without."""
-    silent = _MISSING if needed else (*_MISSING, _FORBIDDEN)
+    silent = _MISSING if is_required else (*_MISSING, _FORBIDDEN)
     if reply.trap is not None and reply.trap.message.startswith(silent):
         return None
-    return _known(path, reply.checked())
+    return _configuration_rows(path, reply.check())
 
 
 def _version(resource: Reply) -> Version:
@@ -373,25 +390,30 @@ def _version(resource: Reply) -> Version:
     try:
         return Version.parse(text)
     except ValueError:
-        raise DeviceFailed(f"this is no RouterOS that we know: it calls its version `{text}`") from None
+        raise DeviceError(f"this is no RouterOS that we know: it calls its version `{text}`") from None
 
 
 def _facts(
-    seen: _Preflight, endpoint: Endpoint, version: Version, rows: Mapping[str, Sequence[Row]], *, is_requested: bool
+    preflight: _Preflight,
+    endpoint: Endpoint,
+    version: Version,
+    rows: Mapping[str, Sequence[Row]],
+    *,
+    is_requested: bool,
 ) -> Facts:
-    resource = _first(seen.resource)
+    resource = _first(preflight.resource)
     return Facts(
         identity=_first_of(rows.get(_IDENTITY, ())).get("name", ""),
         version=version,
         board=resource.get("board-name", ""),
         architecture=resource.get("architecture-name", ""),
-        device_mode=_first(seen.device_mode),
+        device_mode=_first(preflight.device_mode),
         packages=(),
         policies=_policies(endpoint.user, rows) if is_requested else None,
-        has_safe_mode=seen.safe_mode.trap is None,
-        safe_mode_owner=Holder.of(seen.safe_mode).who or None,
-        session_address=_session_address(seen.active, endpoint),
-        history=_count(seen.history),
+        has_safe_mode=preflight.safe_mode.trap is None,
+        safe_mode_owner=Holder.of(preflight.safe_mode).who or None,
+        session_address=_session_address(preflight.active, endpoint),
+        history=_count(preflight.history),
     )
 
 

@@ -25,7 +25,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.errors import DeviceError, UsageError
 from atlantis_netcfg.core.versions import Version
 
 if TYPE_CHECKING:
@@ -75,13 +75,13 @@ def read_npk(path: Path) -> Npk:
     except OSError as error:
         raise NotAPackage(f"{path}: {error.strerror or error}", hint="name a `.npk` file from MikroTik") from error
     header, architecture = _inside(path, data)
-    named = _parsed_name(path)
+    file_name = _parsed_name(path)
     name = MAIN if header[0] in ("system", MAIN) or header[0].startswith(f"{MAIN}-") else header[0]
-    _agree(path, "package", named.name, name)
-    numbers = (named.version.major, named.version.minor, named.version.patch)
+    _agree(path, "package", file_name.name, name)
+    numbers = (file_name.version.major, file_name.version.minor, file_name.version.patch)
     _agree(path, "version", ".".join(map(str, numbers)), ".".join(map(str, header[1])))
-    _agree(path, "architecture", named.architecture, architecture)
-    return Npk(path, name, named.version, architecture, len(data), hashlib.sha256(data).hexdigest())
+    _agree(path, "architecture", file_name.architecture, architecture)
+    return Npk(path, name, file_name.version, architecture, len(data), hashlib.sha256(data).hexdigest())
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +100,9 @@ def _parsed_name(path: Path) -> _FileName:
             f"{path}: not the name of a package", hint="keep MikroTik's own names, like routeros-7.18.2-arm64.npk"
         )
     name, first, last = match["name"], match["first"], match["last"]
-    if first is not None and (last is not None or _known(first) is None):
+    if first is not None and (last is not None or _architecture_of(first) is None):
         name, first = f"{name}-{first}", None
-    return _FileName(name, Version.parse(match["version"]), _known(last or first or "x86") or (last or "x86"))
+    return _FileName(name, Version.parse(match["version"]), _architecture_of(last or first or "x86") or (last or "x86"))
 
 
 def _is_version(text: str) -> bool:
@@ -113,7 +113,7 @@ def _is_version(text: str) -> bool:
     return True
 
 
-def _known(word: str) -> str | None:
+def _architecture_of(word: str) -> str | None:
     word = _ALIASES.get(word, word)
     return word if word in _ARCHITECTURES else None
 
@@ -128,7 +128,7 @@ def _inside(path: Path, data: bytes) -> tuple[tuple[str, tuple[int, int, int]], 
             info = name.rstrip(b"\0").decode("ascii", "replace"), (major, minor, revision)
         elif kind == _ARCHITECTURE_TYPE and architecture is None:
             word = body.rstrip(b"\0").decode("ascii", "replace")
-            architecture = _known(word) or word
+            architecture = _architecture_of(word) or word
     if info is None or architecture is None:
         raise NotAPackage(f"{path}: a package without a name or an architecture", hint="download it again")
     return info, architecture
@@ -158,25 +158,37 @@ def _parts(path: Path, data: bytes) -> Iterator[tuple[int, bytes]]:
     raise NotAPackage(f"{path}: its parts do not add up to its size", hint="download it again: it is damaged")
 
 
-def _agree(path: Path, what: str, named: str, inside: str) -> None:
-    if named != inside:
+def _agree(path: Path, what: str, from_name: str, inside: str) -> None:
+    if from_name != inside:
         raise NotAPackage(
-            f"{path}: by its name the {what} is {named}, inside it is {inside}", hint="keep MikroTik's own file names"
+            f"{path}: by its name the {what} is {from_name}, inside it is {inside}",
+            hint="keep MikroTik's own file names",
         )
 
 
 SPLIT = Version(7, 13)
 """The first version whose bundle has no `wireless`."""
 _LEGACY_RADIO, _NEW_RADIO = "wireless", ("wifi-qcom", "wifi-qcom-ac", "wifi-qcom-be", "wifi-mediatek")
-_RENAMED = {"wifiwave2": ("wifi-qcom", "wifi-qcom-ac"), "lora": ("lora", "iot")}
-_BUNDLED = ("system", "ppp", "dhcp", "hotspot", "ipv6", "mpls", "routing", "security", "advanced-tools", "wireless")
+_SUCCESSORS = {"wifiwave2": ("wifi-qcom", "wifi-qcom-ac"), "lora": ("lora", "iot")}
+_BUNDLE_PACKAGES = (
+    "system",
+    "ppp",
+    "dhcp",
+    "hotspot",
+    "ipv6",
+    "mpls",
+    "routing",
+    "security",
+    "advanced-tools",
+    "wireless",
+)
 """What version 6 lists beside its bundle, and version 7 has inside."""
 _CHR = {"x86_64": "x86"}
 _SPARE_BYTES = 512 * 1024
 """Kept free on the flash beside the files: the device writes while it installs. Assumption: upgrade-free-flash"""
 
 
-class UpgradeRefused(DeviceFailed):
+class UpgradeError(DeviceError):
     """The set would harm the device or would not be installed; nothing was sent."""
 
 
@@ -186,11 +198,11 @@ class RouterOsPackage:
 
     name: str
     version: Version
-    disabled: bool = False
+    is_disabled: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class Installed:
+class InstalledSystem:
     """What the device says about itself."""
 
     version: Version
@@ -218,7 +230,7 @@ class Upgrade:
     """RouterOS itself last: a device that reboots before finds packages that it cannot install, and stays as it is."""
     version: Version
     """Of the system afterwards."""
-    expected: tuple[str, ...]
+    expected_packages: tuple[str, ...]
     """Names of the packages that have to be there afterwards."""
     notes: tuple[str, ...] = ()
 
@@ -228,119 +240,120 @@ class Upgrade:
         return sum(package.size for package in self.send)
 
 
-def plan(installed: Installed, given: Sequence[Npk], *, give_up: Sequence[str] = ()) -> Upgrade:
+def plan(system: InstalledSystem, packages: Sequence[Npk], *, give_up: Sequence[str] = ()) -> Upgrade:
     """Decide; `give_up` names installed packages that a person wants to lose.
 
     Raises UpgradeRefused with all reasons.
     """
-    version = max((package.version for package in given), default=installed.version)
-    reasons = [*_of_the_set(given), *_for_the_device(installed, given, version)]
+    version = max((package.version for package in packages), default=system.version)
+    reasons = [*_of_the_set(packages), *_for_the_device(system, packages, version)]
     if not reasons:
-        reasons = [*_left_behind(installed, given, version, give_up), *_room(installed, given)]
+        reasons = [*_left_behind(system, packages, version, give_up), *_room(system, packages)]
     if reasons:
-        raise UpgradeRefused("not upgraded, nothing was sent: " + "; ".join(reasons), hint=_hint(installed))
-    there = {package.name: package for package in installed.packages}
+        raise UpgradeError("not upgraded, nothing was sent: " + "; ".join(reasons), hint=_hint(system))
+    there = {package.name: package for package in system.packages}
     send = tuple(
         package
-        for package in sorted(given, key=lambda each: (each.name == MAIN, each.name))
+        for package in sorted(packages, key=lambda each: (each.name == MAIN, each.name))
         if package.name not in there or there[package.name].version != package.version
     )
-    kept = {package.name for package in installed.packages if version == installed.version}
-    expected = tuple(sorted({package.name for package in given} | kept))
-    return Upgrade(send, version, expected, tuple(_notes(installed, version)) if send else ())
+    retained_names = {package.name for package in system.packages if version == system.version}
+    expected_names = tuple(sorted({package.name for package in packages} | retained_names))
+    return Upgrade(send, version, expected_names, tuple(_notes(system, version)) if send else ())
 
 
-def _hint(installed: Installed) -> str:
-    return f"the device: {installed.board}, {installed.architecture}, RouterOS {installed.version}"
+def _hint(system: InstalledSystem) -> str:
+    return f"the device: {system.board}, {system.architecture}, RouterOS {system.version}"
 
 
-def _of_the_set(given: Sequence[Npk]) -> list[str]:
+def _of_the_set(packages: Sequence[Npk]) -> list[str]:
     reasons = []
-    names = [package.name for package in given]
+    names = [package.name for package in packages]
     twice = sorted({name for name in names if names.count(name) > 1})
-    if not given:
+    if not packages:
         reasons.append("no package was given")
     if twice:
         reasons.append(f"{', '.join(twice)} is given twice")
-    versions = sorted({package.version for package in given})
+    versions = sorted({package.version for package in packages})
     if len(versions) > 1:
-        files = ", ".join(f"{package.path.name}" for package in given)
+        files = ", ".join(f"{package.path.name}" for package in packages)
         reasons.append(f"packages of different versions do not work together: {files}")
     if _LEGACY_RADIO in names and (other := sorted(set(names) & {"wifi-qcom", "wifi-qcom-ac"})):
         reasons.append(f"{_LEGACY_RADIO} and {other[0]} cannot be active together: give one of them")
     return reasons
 
 
-def _for_the_device(installed: Installed, given: Sequence[Npk], version: Version) -> list[str]:
-    known = _CHR.get(installed.architecture, installed.architecture)
+def _for_the_device(system: InstalledSystem, packages: Sequence[Npk], version: Version) -> list[str]:
+    architecture = _CHR.get(system.architecture, system.architecture)
     reasons = [
-        f"{package.path.name} is for {package.architecture}, the device is {installed.architecture}"
-        for package in given
-        if package.architecture != known
+        f"{package.path.name} is for {package.architecture}, the device is {system.architecture}"
+        for package in packages
+        if package.architecture != architecture
     ]
-    if version < installed.version:
-        reasons.append(f"the device has {installed.version}, and this command does not go back to {version}")
-    if installed.factory is not None and version < installed.factory:
-        reasons.append(f"this board needs {installed.factory} or later")
-    if version != installed.version and not any(package.name == MAIN for package in given):
+    if version < system.version:
+        reasons.append(f"the device has {system.version}, and this command does not go back to {version}")
+    if system.factory is not None and version < system.factory:
+        reasons.append(f"this board needs {system.factory} or later")
+    if version != system.version and not any(package.name == MAIN for package in packages):
         reasons.append(
-            f"the packages are of {version}, the device runs {installed.version}:"
+            f"the packages are of {version}, the device runs {system.version}:"
             f" the {MAIN} package of {version} is missing"
         )
-    if version.major > installed.version.major and not installed.bundle:
+    if version.major > system.version.major and not system.bundle:
         reasons.append(
-            f"on this device RouterOS {installed.version.major} is made of single packages:"
-            " upgrade it to the bundle first"
+            f"on this device RouterOS {system.version.major} is made of single packages: upgrade it to the bundle first"
         )
     return reasons
 
 
-def _left_behind(installed: Installed, given: Sequence[Npk], version: Version, give_up: Sequence[str]) -> list[str]:
+def _left_behind(
+    system: InstalledSystem, packages: Sequence[Npk], version: Version, give_up: Sequence[str]
+) -> list[str]:
     """Name what would be lost: an installed package without a successor, or the driver of the radios."""
-    if version == installed.version:
+    if version == system.version:
         return []
-    names = {package.name for package in given}
+    names = {package.name for package in packages}
     reasons = []
-    for package in installed.packages:
-        heirs = _heirs(package.name, installed)
+    for package in system.packages:
+        heirs = _heirs(package.name, system)
         if not heirs or names & set(heirs) or package.name in give_up:
             continue
         reasons.append(
             f"{package.name} is installed, and the set has no {' or '.join(heirs)} of {version}"
             f" (add it, or give it up with drop={package.name})"
         )
-    crossing = installed.version < SPLIT <= version
+    crossing = system.version < SPLIT <= version
     drivers = {_LEGACY_RADIO, *_NEW_RADIO}
-    lost = crossing and installed.radios and not names & drivers and _LEGACY_RADIO not in give_up
-    if lost and not any(package.name == "wifiwave2" for package in installed.packages):
+    loses_driver = crossing and system.radios and not names & drivers and _LEGACY_RADIO not in give_up
+    if loses_driver and not any(package.name == "wifiwave2" for package in system.packages):
         reasons.append(
-            f"from {SPLIT} on the driver of {', '.join(installed.radios)} is a package of its own: add"
-            f" wireless-{version}-{installed.architecture}.npk (or drop={_LEGACY_RADIO}, and lose the radio)"
+            f"from {SPLIT} on the driver of {', '.join(system.radios)} is a package of its own: add"
+            f" wireless-{version}-{system.architecture}.npk (or drop={_LEGACY_RADIO}, and lose the radio)"
         )
     return reasons
 
 
-def _heirs(name: str, installed: Installed) -> tuple[str, ...]:
+def _heirs(name: str, system: InstalledSystem) -> tuple[str, ...]:
     """Return the packages one of which has to follow `name`; none where the bundle holds it."""
-    if name in (MAIN, f"{MAIN}-{installed.architecture}"):
+    if name in (MAIN, f"{MAIN}-{system.architecture}"):
         return (MAIN,)
-    if name in _BUNDLED and installed.version < SPLIT:
+    if name in _BUNDLE_PACKAGES and system.version < SPLIT:
         return ()
-    return _RENAMED.get(name, (name,))
+    return _SUCCESSORS.get(name, (name,))
 
 
-def _room(installed: Installed, given: Sequence[Npk]) -> list[str]:
-    need = sum(package.size for package in given) + _SPARE_BYTES
-    if installed.free_bytes >= need:
+def _room(system: InstalledSystem, packages: Sequence[Npk]) -> list[str]:
+    need = sum(package.size for package in packages) + _SPARE_BYTES
+    if system.free_bytes >= need:
         return []
-    return [f"the device has {installed.free_bytes // 1024} KiB free, and {need // 1024} KiB are needed"]
+    return [f"the device has {system.free_bytes // 1024} KiB free, and {need // 1024} KiB are needed"]
 
 
-def _notes(installed: Installed, version: Version) -> list[str]:
+def _notes(system: InstalledSystem, version: Version) -> list[str]:
     notes = ["the device reboots; everything that it feeds by PoE and every link over it is down meanwhile"]
-    if version.major > installed.version.major:
+    if version.major > system.version.major:
         notes.append(
-            f"from RouterOS {installed.version.major} to {version.major} the device rewrites its configuration:"
+            f"from RouterOS {system.version.major} to {version.major} the device rewrites its configuration:"
             " compare the saved export with the new one"
         )
     notes.append("the boot loader is not upgraded: /system/routerboard/upgrade does it, and wants another reboot")

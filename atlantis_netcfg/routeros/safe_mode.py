@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
@@ -37,13 +37,13 @@ TAKE, RELEASE, UNROLL = (Command(f"/safe-mode/{word}") for word in ("take", "rel
 _TRUE = ("true", "yes")
 
 
-class SafeModeUnavailable(DeviceFailed):
+class SafeModeUnavailable(DeviceError):
     """Safe mode is not ours: somebody else holds it, or it could not be taken."""
 
     reason = "somebody else holds it"
 
 
-class ProtectionLost(DeviceFailed):
+class ProtectionLost(DeviceError):
     """The protection is not ours any more while changes depend on it: nothing more may be sent."""
 
 
@@ -51,7 +51,7 @@ class ProtectionLost(DeviceFailed):
 class Holder:
     """Who holds safe mode, as one session sees it."""
 
-    taken: bool
+    is_taken: bool
     ours: bool = False
     """This session holds it."""
     who: str = ""
@@ -61,7 +61,7 @@ class Holder:
         """Read the answer to READ; a device without safe mode has nobody who holds it."""
         row = reply.rows[0] if reply.trap is None and reply.rows else {}
         if row.get("enabled") not in _TRUE:
-            return cls(taken=False)
+            return cls(is_taken=False)
         return cls(True, row.get("current") in _TRUE, row.get("owner") or row.get("user") or "somebody")
 
 
@@ -75,7 +75,7 @@ def held_by(who: str) -> SafeModeUnavailable:
 
 def _take_failed(take: Reply, holder: Holder) -> SafeModeUnavailable:
     """Say why safe mode could not be taken."""
-    if holder.taken and not holder.ours:
+    if holder.is_taken and not holder.ours:
         return held_by(holder.who)
     words = take.trap.message if take.trap is not None else "it says it is not taken"
     failure = SafeModeUnavailable(f"safe mode could not be taken: {words}")
@@ -87,18 +87,18 @@ class SafeMode(Protocol):
     """What the executor asks of whoever takes a change back."""
 
     beside: tuple[Command, ...]
-    """Asked in the same round trip as every turn of writing; `seen` reads the answers."""
+    """Asked in the same round trip as every turn of writing; `read_holder` reads the answers."""
 
-    def seen(self, answers: Sequence[Reply]) -> Holder | None:
+    def read_holder(self, answers: Sequence[Reply]) -> Holder | None:
         """Who holds safe mode as the answers to `beside` say; None if they say nothing."""
 
     async def take(self, session: Channel) -> Holder:
         """Take it. Raises DeviceFailed if it is not ours then."""
 
     taking: tuple[Command, ...]
-    """What takes it, to be sent beside other things; `taken` reads the answers."""
+    """What takes it, to be sent beside other things; `confirm_take` reads the answers."""
 
-    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Holder:
+    async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:
         """Read the answers to `taking`. Raises SafeModeUnavailable if it is not ours then, SessionLost."""
 
     async def look(self, session: Channel) -> Holder:
@@ -126,21 +126,21 @@ class NoSafeMode:
     beside: tuple[Command, ...] = ()
     taking: tuple[Command, ...] = ()
 
-    def seen(self, answers: Sequence[Reply]) -> Holder | None:  # noqa: ARG002 - the seam's
+    def read_holder(self, answers: Sequence[Reply]) -> Holder | None:  # noqa: ARG002 - the seam's
         """Nobody can take away what is not there."""
         return None
 
     async def take(self, session: Channel) -> Holder:  # noqa: ARG002
         """Nothing to take."""
-        return Holder(taken=False)
+        return Holder(is_taken=False)
 
-    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Holder:  # noqa: ARG002
+    async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:  # noqa: ARG002
         """Nothing was taken."""
-        return Holder(taken=False)
+        return Holder(is_taken=False)
 
     async def look(self, session: Channel) -> Holder:  # noqa: ARG002
         """Nobody."""
-        return Holder(taken=False)
+        return Holder(is_taken=False)
 
     async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
         """Everything is permanent as soon as it is written."""
@@ -151,7 +151,7 @@ class NoSafeMode:
 
     async def free(self, session: Channel) -> Holder:  # noqa: ARG002
         """Nobody."""
-        return Holder(taken=False)
+        return Holder(is_taken=False)
 
     async def drop(self) -> None:
         """Nothing is open."""
@@ -166,18 +166,18 @@ class ApiSafeMode(NoSafeMode):
     def __init__(self, silence_s: float | None = None) -> None:
         self.silence_s = silence_s
 
-    def seen(self, answers: Sequence[Reply]) -> Holder | None:
+    def read_holder(self, answers: Sequence[Reply]) -> Holder | None:
         """As `current` says."""
         return Holder.of(answers[0])
 
     async def take(self, session: Channel) -> Holder:
         """One round trip, or two."""
-        return await self.taken(session, await session.flight(self.taking, silence_s=self.silence_s))
+        return await self.confirm_take(session, await session.flight(self.taking, silence_s=self.silence_s))
 
-    async def taken(self, session: Channel, answers: Sequence[Reply]) -> Holder:
+    async def confirm_take(self, session: Channel, answers: Sequence[Reply]) -> Holder:
         """That the question was answered before it was taken proves nothing: then ask again."""
-        take, seen = answers
-        holder = Holder.of(seen)
+        take, holder_reply = answers
+        holder = Holder.of(holder_reply)
         if take.trap is None and not holder.ours:
             holder = await self.look(session)
         if not holder.ours:
@@ -195,16 +195,18 @@ class ApiSafeMode(NoSafeMode):
         """
 
         def is_held(holder: Holder) -> bool:
-            return holder.taken and holder.who == owner if owner else holder.ours
+            return holder.is_taken and holder.who == owner if owner else holder.ours
 
-        reply, seen, *witnessed = await session.flight([RELEASE, READ, *witness], silence_s=self.silence_s)
-        holder = Holder.of(seen)
+        reply, holder_reply, *witness_replies = await session.flight(
+            [RELEASE, READ, *witness], silence_s=self.silence_s
+        )
+        holder = Holder.of(holder_reply)
         if is_held(holder):
             holder = await self.look(session)
         if reply.trap is not None or is_held(holder):
             words = reply.trap.message if reply.trap is not None else "it is still taken"
             raise ProtectionLost(f"safe mode could not be released: {words}")
-        return witnessed
+        return witness_replies
 
     async def release_of(self, session: Channel, owner: str) -> None:
         """Release what `owner` holds, from whatever session of ours, once it is seen that it still does.
@@ -212,15 +214,15 @@ class ApiSafeMode(NoSafeMode):
         Raises ProtectionLost, SessionLost.
         """
         holder = await self.look(session)
-        if not holder.taken or holder.who != owner:
-            lost = f"taken by {holder.who}" if holder.taken else "given up"
-            raise ProtectionLost(f"safe mode was {lost} before the end")
+        if not holder.is_taken or holder.who != owner:
+            cause = f"taken by {holder.who}" if holder.is_taken else "given up"
+            raise ProtectionLost(f"safe mode was {cause} before the end")
         await self.release(session, (), owner)
 
     async def unroll(self, session: Channel) -> None:
         """By command; the session lives on."""
         if (await self.look(session)).ours:
-            (await session.command(UNROLL, silence_s=self.silence_s)).checked()
+            (await session.command(UNROLL, silence_s=self.silence_s)).check()
 
     async def free(self, session: Channel) -> Holder:
         """One round trip."""

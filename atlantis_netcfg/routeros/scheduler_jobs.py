@@ -3,7 +3,7 @@
 `atlantis-dead-man` runs the way back of one device (`apply`), `atlantis-pair` that of the far end of a bridge (`pair`).
 Both are armed outside safe mode, which would undo them too. `atlantis-use` ends the use of a link (`link_use`): it is a
 row like others, and comes and goes with the routes. In a device-mode without scheduler such a row can be added and
-never runs (manual, Device-mode): it is read back. Every reading of a device asks for `ARMED` as well.
+never runs (manual, Device-mode): it is read back. Every reading of a device asks for `READ_JOBS` as well.
 
 The dead-man job is set off by `interval` alone: without a battery the clock jumps as soon as NTP answers, and a
 wall-clock time is then missed or hit too early. Its script first removes the job, so that it runs once. The job of a
@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.api import Command, Reply
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ DEAD_MAN, PAIR, USE = "atlantis-dead-man", "atlantis-pair", "atlantis-use"
 MENU = "/system/scheduler"
 _PRINT = f"{MENU}/print"
 _EITHER = (f"?name={DEAD_MAN}", f"?name={PAIR}", "?#|", f"?name={USE}", "?#|")
-ARMED = Command(_PRINT, ((".proplist", ".id,name,comment"),), _EITHER)
+READ_JOBS = Command(_PRINT, ((".proplist", ".id,name,comment"),), _EITHER)
 """Reads the jobs of ours; a device without any answers with a few bytes."""
 _READ_BACK = ((".proplist", ".id,name,comment,disabled,invalid,.about"),)
 _FALSE, _TRUE = ("false", "no"), ("true", "yes")
@@ -46,11 +46,11 @@ _DEAD_MAN_PREFIX = (
 _MARGIN_S = 60.0
 
 
-class WillNotRun(DeviceFailed):
+class WillNotRun(DeviceError):
     """The device has taken the job and will not run it, or has not taken it at all."""
 
 
-class AlreadyArmed(WillNotRun):
+class JobConflict(WillNotRun):
     """Such a job is there already: somebody else's run is under way, or one has died."""
 
 
@@ -65,7 +65,7 @@ class ArmedJob:
 
 
 def jobs_of(rows: Iterable[Row]) -> tuple[ArmedJob, ...]:
-    """Return the jobs of runs among the answers to `ARMED`; `atlantis-use` is what a person asked for."""
+    """Return the jobs of runs among the answers to `READ_JOBS`; `atlantis-use` is what a person asked for."""
     return tuple(
         ArmedJob(row.get(".id", ""), row.get("name", ""), row.get("comment") or "a run")
         for row in rows
@@ -79,18 +79,18 @@ class DeadMan:
 
     id: str
     """Empty: it was sent, and not read back."""
-    armed: float
+    armed_at: float
     """On the loop's clock, before the job was sent."""
     after_s: float
 
     def is_near(self, now: float) -> bool:
         """Whether it may run before anything more is finished."""
-        return now > self.armed + self.after_s - _MARGIN_S
+        return now > self.armed_at + self.after_s - _MARGIN_S
 
     @property
     def over(self) -> float:
         """When it has run for certain, on the loop's clock."""
-        return self.armed + self.after_s + _MARGIN_S
+        return self.armed_at + self.after_s + _MARGIN_S
 
 
 def forbidden(facts: Facts) -> str | None:
@@ -127,12 +127,12 @@ def pair_script(menu: str, peer: str, rollback: str) -> str:
 
 async def _moment(session: Channel, after_s: float) -> datetime:
     """Return the device's own time `after_s` from now."""
-    rows = (await session.command(Command("/system/clock/print"))).checked().rows
+    rows = (await session.command(Command("/system/clock/print"))).check().rows
     row = rows[0] if rows else {}
     try:
         now = datetime.strptime(f"{row['date']} {row['time']}", "%Y-%m-%d %H:%M:%S")  # noqa: DTZ007 - its own zone
     except (KeyError, ValueError):
-        raise DeviceFailed(f"its clock says {row.get('date')} {row.get('time')}, which is no time") from None
+        raise DeviceError(f"its clock says {row.get('date')} {row.get('time')}, which is no time") from None
     return now + timedelta(seconds=after_s)
 
 
@@ -142,7 +142,7 @@ async def _arm(session: Channel, name: str, owner: str, values: Mapping[str, str
     rows = (await session.command(Command(_PRINT, _READ_BACK, (f"?name={name}",)))).rows
     if reply.trap is not None:
         if rows:
-            raise AlreadyArmed(
+            raise JobConflict(
                 f"{jobs_of(rows)[0].owner} has armed one already",
                 hint="wait until it has ended, then run the same command again",
             )
@@ -169,16 +169,16 @@ async def disarm(session: Channel, job: str, witness: Sequence[Command] = ()) ->
 
     All in one round trip; also answers to `witness`. Raises WillNotRun if it is still there, SessionLost.
     """
-    removed, seen, *witnessed = await session.flight([_removing(job), ARMED, *witness])
-    if _is_there(job, seen):
-        seen = await session.command(ARMED)
-    if _is_there(job, seen):
+    removal, jobs_reply, *witness_replies = await session.flight([_removing(job), READ_JOBS, *witness])
+    if _is_there(job, jobs_reply):
+        jobs_reply = await session.command(READ_JOBS)
+    if _is_there(job, jobs_reply):
         raise WillNotRun("the job of its scheduler cannot be taken away")
-    return removed.trap is None, witnessed
+    return removal.trap is None, witness_replies
 
 
-def _is_there(job: str, seen: Reply) -> bool:
-    return any(row.get(".id") == job for row in seen.rows)
+def _is_there(job: str, jobs_reply: Reply) -> bool:
+    return any(row.get(".id") == job for row in jobs_reply.rows)
 
 
 def _removing(job: str) -> Command:

@@ -16,8 +16,8 @@ from atlantis_netcfg.routeros.rsc import Export, Statement, parse, print_export
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired, RowItem
-    from atlantis_netcfg.routeros._types import Observed, Row
+    from atlantis_netcfg.routeros._items import DesiredState, RowItem
+    from atlantis_netcfg.routeros._types import Observation, Row
 
 OF_THE_BOX = frozenset(
     {
@@ -30,17 +30,17 @@ OF_THE_BOX = frozenset(
 """Properties of rows that the device gives itself: a replacement has its own."""
 
 
-def write(device: str, desired: Desired, observed: Observed) -> str:
+def write(device: str, desired_state: DesiredState, observation: Observation) -> str:
     """Return the state of the declared menus, in the order in which they can be set."""
-    facts = observed.facts
-    menus = [MENUS[path] for path in sorted(desired.menus, key=rank) if not MENUS[path].readonly]
-    menus = [menu for menu in menus if menu.exported]
-    used = frozenset(_used(observed.rows))
+    facts = observation.facts
+    menus = [MENUS[path] for path in sorted(desired_state.menus, key=rank) if not MENUS[path].readonly]
+    menus = [menu for menu in menus if menu.is_exported]
+    used = frozenset(_used(observation.rows))
     statements = [
         statement
         for menu in menus
-        for row, named in _rows(menu, desired.items[menu.path], observed.rows[menu.path])
-        for statement in _statement(menu, row, named, used)
+        for row, declared_names in _rows(menu, desired_state.items[menu.path], observation.rows[menu.path])
+        for statement in _statement(menu, row, declared_names, used)
     ]
     header = (
         f"confirmed state of {device}: the declared menus as they were read back, without secrets",
@@ -50,7 +50,7 @@ def write(device: str, desired: Desired, observed: Observed) -> str:
     return print_export(Export(header, tuple(statements), tuple(menu.path for menu in menus)))
 
 
-def read(text: str, source: str) -> Desired:
+def read(text: str, source: str) -> DesiredState:
     """Read a state as something to declare: its menus, each of them entirely. Raises RscError."""
     menus = [path for path in parse(text, source).menus if path in MENUS]
     return from_export(text, menus, source)
@@ -63,31 +63,31 @@ def _rows(menu: Menu, items: tuple[RowItem, ...], rows: tuple[Row, ...]) -> Iter
     """
     # Rows of first-match menus have no keys: what ties them to the declaration is our comment.
     identity = menu.identity if menu.keys or menu.shape is Shape.SINGLETON else lambda values: values.get("comment")
-    named: dict[object, frozenset[str]] = {}
+    names_by_key: dict[object, frozenset[str]] = {}
     for item in items:
-        key = identity(item.given)
-        named[key] = named.get(key, frozenset()) | item.given.keys()
+        key = identity(item.defined_values)
+        names_by_key[key] = names_by_key.get(key, frozenset()) | item.defined_values.keys()
     for row in rows:
         if menu.is_touchable(row):
-            yield row, named.get(identity(row), frozenset())
+            yield row, names_by_key.get(identity(row), frozenset())
 
 
 def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
     """Yield every name by which a row names an interface."""
-    for path, found in rows.items():
+    for path, menu_rows in rows.items():
         fields = [
             each.name for each in MENUS[path].fields if each.kind in (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
         ]
         if MENUS[path].shape is not Shape.FIXED:
-            for row in found:
+            for row in menu_rows:
                 yield from (
                     word.strip("!").rpartition("%")[2] for name in fields for word in row.get(name, "").split(",")
                 )
 
 
-def _statement(menu: Menu, row: Row, named: frozenset[str], used: frozenset[str]) -> Iterator[Statement]:
+def _statement(menu: Menu, row: Row, declared_names: frozenset[str], used: frozenset[str]) -> Iterator[Statement]:
     """Yield the statement that sets the row; none for settings and given rows that are at their defaults."""
-    values = dict(_values(menu, row, named))
+    values = dict(_values(menu, row, declared_names))
     if menu.shape is Shape.LIST and not menu.is_stock(row):
         yield Statement(menu.path, "add", tuple(values.items()))
         return
@@ -95,31 +95,31 @@ def _statement(menu: Menu, row: Row, named: frozenset[str], used: frozenset[str]
     if menu.shape is Shape.FIXED and "name" not in menu.keys and row.get("name") in used:
         # Said even where it is the default: a replacement without this port cannot take the state.
         values["name"] = row["name"]
-    changed = tuple((name, value) for name, value in values.items() if name not in keys)
-    if changed:
-        yield Statement(menu.path, "set", changed, find=tuple(keys.items()) or None)
+    changed_values = tuple((name, value) for name, value in values.items() if name not in keys)
+    if changed_values:
+        yield Statement(menu.path, "set", changed_values, find=tuple(keys.items()) or None)
 
 
-def _values(menu: Menu, row: Row, named: frozenset[str]) -> Iterator[tuple[str, str | None]]:
+def _values(menu: Menu, row: Row, declared_names: frozenset[str]) -> Iterator[tuple[str, str | None]]:
     for each in menu.alphabetical:
         value = row.get(each.name)
         if value is None or each.secret or each.unread:
             continue
-        needed = each.name == "action" or (each.name in menu.keys and each.default is None)
-        if needed or each.name in named or _is_somebodys_choice(menu, each, row):
-            yield each.name, _printed(each, value)
+        is_key_value = each.name == "action" or (each.name in menu.keys and each.default is None)
+        if is_key_value or each.name in declared_names or _is_somebodys_choice(menu, each, row):
+            yield each.name, _print_value(each, value)
 
 
 def _is_somebodys_choice(menu: Menu, each: Field, row: Row) -> bool:
     """Tell of a property that is not at its default; where the device computes that, `no` and `none` count as it."""
     if each.keep and each.default is None:
-        computed = menu.shape is not Shape.LIST or (menu.path, each.name) in OF_THE_BOX
-        return not computed and canonical(PropertyKind.BOOLEAN, row[each.name]) not in ("", "no", "none")
+        is_computed = menu.shape is not Shape.LIST or (menu.path, each.name) in OF_THE_BOX
+        return not is_computed and canonical(PropertyKind.BOOLEAN, row[each.name]) not in ("", "no", "none")
     default = each.form(menu.default_of(each.name, row))
     return menu.form(each.name, row) != default
 
 
-def _printed(each: Field, value: str) -> str | None:
+def _print_value(each: Field, value: str) -> str | None:
     if each.kind is PropertyKind.FLAG:
         return "" if canonical(each.kind, value) == "yes" else None
     return canonical(each.kind, value) if each.kind is PropertyKind.BOOLEAN else value

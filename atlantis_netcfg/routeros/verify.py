@@ -14,11 +14,11 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
-from atlantis_netcfg.routeros.commands import executed, offered, refusal
+from atlantis_netcfg.routeros.commands import build_completion_query, refusal, script_command
 from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, PinSim, monitor_of, sim_of
 from atlantis_netcfg.routeros.safe_mode import READ, TAKE, UNROLL, ApiSafeMode, Holder
 
@@ -74,9 +74,9 @@ class SeenAnswers:
     findings: tuple[AssumptionFinding, ...] = field(default=())
     system: str = "RouterOS"
 
-    def with_findings(self, found: Iterable[AssumptionFinding]) -> SeenAnswers:
+    def with_findings(self, updates: Iterable[AssumptionFinding]) -> SeenAnswers:
         """Return the same with these in place of those of the same assumptions."""
-        fresh = {finding.id: finding for finding in found}
+        fresh = {finding.id: finding for finding in updates}
         return replace(self, findings=tuple(fresh.get(finding.id, finding) for finding in self.findings))
 
 
@@ -92,14 +92,14 @@ def _print(menu: str, properties: str) -> Command:
     return Command(f"{menu}/print", ((".proplist", properties),))
 
 
-def _refused(reply: Reply) -> str | None:
+def _refusal_text(reply: Reply) -> str | None:
     """The device's words, if it has refused the question."""
     return None if reply.trap is None else f"refused: {reply.trap.message}"
 
 
 def _unknown_property(replies: Sequence[Reply]) -> Judgement:
     (reply,) = replies
-    words = _refused(reply)
+    words = _refusal_text(reply)
     if words is not None:
         return Verdict.FAIL, words
     if len(reply.rows) == 1 and "name" in reply.rows[0] and "atlantis-unknown" not in reply.rows[0]:
@@ -107,13 +107,13 @@ def _unknown_property(replies: Sequence[Reply]) -> Judgement:
     return Verdict.FAIL, f"{len(reply.rows)} rows, not one with the known property alone"
 
 
-def _counted(replies: Sequence[Reply]) -> Judgement:
-    number, listed = replies
-    words = _refused(number)
+def _judge_count(replies: Sequence[Reply]) -> Judgement:
+    number, list_reply = replies
+    words = _refusal_text(number)
     if words is not None or number.ret is None or not number.ret.isdecimal():
         return Verdict.FAIL, words or f"no number, and {len(number.rows)} rows"
-    same = int(number.ret) == len(listed.rows)
-    return (Verdict.PASS if same else Verdict.FAIL), f"counted {number.ret}, listed {len(listed.rows)}"
+    same = int(number.ret) == len(list_reply.rows)
+    return (Verdict.PASS if same else Verdict.FAIL), f"counted {number.ret}, listed {len(list_reply.rows)}"
 
 
 def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
@@ -133,30 +133,30 @@ def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
 def _sessions(replies: Sequence[Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
-        return Verdict.INCONCLUSIVE, str(_refused(reply))
-    found = _order(reply.rows, "when")
-    if found is None:
+        return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
+    order = _order(reply.rows, "when")
+    if order is None:
         return Verdict.INCONCLUSIVE, f"{len(reply.rows)} sessions, in no order that can be seen"
-    return found, f"{len(reply.rows)} sessions, {'oldest' if found is Verdict.PASS else 'newest'} first"
+    return order, f"{len(reply.rows)} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first"
 
 
 def _history_order(replies: Sequence[Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
-        return Verdict.INCONCLUSIVE, str(_refused(reply))
+        return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
     if len(reply.rows) < 2:  # noqa: PLR2004 - an order needs two
         return Verdict.SKIP, f"{len(reply.rows)} entries in the history: change something, then type the same again"
-    found = _order(reply.rows, "time")
-    if found is None:
+    order = _order(reply.rows, "time")
+    if order is None:
         return Verdict.INCONCLUSIVE, f"{len(reply.rows)} entries, in no order that can be seen"
-    turned = {Verdict.PASS: Verdict.FAIL, Verdict.FAIL: Verdict.PASS}[found]
-    return turned, f"{len(reply.rows)} entries, {'newest' if turned is Verdict.PASS else 'oldest'} first"
+    verdict = {Verdict.PASS: Verdict.FAIL, Verdict.FAIL: Verdict.PASS}[order]
+    return verdict, f"{len(reply.rows)} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first"
 
 
 def _history_names(replies: Sequence[Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
-        return Verdict.INCONCLUSIVE, str(_refused(reply))
+        return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
     commands = [row.get(name, "") for row in reply.rows for name in ("undo", "redo")]
     about = [command for command in commands if _NAMES_A_ROW.search(command)]
     if not about:
@@ -169,7 +169,7 @@ def _history_names(replies: Sequence[Reply]) -> Judgement:
 def _netwatch(replies: Sequence[Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
-        return Verdict.SKIP, str(_refused(reply))
+        return Verdict.SKIP, str(_refusal_text(reply))
     values = [(row[name], form) for row in reply.rows for name, form in _NETWATCH.items() if row.get(name)]
     if not values:
         return Verdict.SKIP, "no row of netwatch is there"
@@ -198,8 +198,8 @@ def _pin_words(replies: Sequence[Reply]) -> Judgement:
     word = reply.rows[0].get("pin-status")
     if word is None:
         return Verdict.SKIP, "the modem says nothing of a PIN"
-    known = sim_of({"pin-status": word}) is not PinSim.UNKNOWN
-    return (Verdict.PASS if known else Verdict.FAIL), f"`{word}`"
+    is_known = sim_of({"pin-status": word}) is not PinSim.UNKNOWN
+    return (Verdict.PASS if is_known else Verdict.FAIL), f"`{word}`"
 
 
 def _ping(replies: Sequence[Reply]) -> Judgement:
@@ -207,15 +207,15 @@ def _ping(replies: Sequence[Reply]) -> Judgement:
     if reply.trap is None:
         return Verdict.PASS, f"{len(reply.rows)} answers of the device to itself"
     missing = reply.trap.message.startswith(("no such command", "bad command name"))
-    return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refused(reply))
+    return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refusal_text(reply))
 
 
 def _parse(line: str) -> Command:
     """Have the device's parser read a line, which is not executed."""
-    return executed(f':put [:parse "{line}"]')
+    return script_command(f':put [:parse "{line}"]')
 
 
-def _unanswered(replies: Sequence[Reply]) -> Judgement | None:
+def _judge_refusal(replies: Sequence[Reply]) -> Judgement | None:
     """A device without these commands cannot show what they answer."""
     trap = next((reply.trap for reply in replies if reply.trap is not None), None)
     if trap is None:
@@ -224,34 +224,34 @@ def _unanswered(replies: Sequence[Reply]) -> Judgement | None:
     return (Verdict.SKIP if missing else Verdict.INCONCLUSIVE), f"refused: {trap.message}"
 
 
-_PARSED = ("/system/identity/print", "/system/identity/set atlantis=no", "/atlantis")
+_PARSE_LINES = ("/system/identity/print", "/system/identity/set atlantis=no", "/atlantis")
 """A line that every version takes, one with an unknown argument, one with an unknown menu."""
 
 
 def _parse_words(replies: Sequence[Reply]) -> Judgement:
-    unanswered = _unanswered(replies)
-    if unanswered is not None:
-        return unanswered
-    taken, *wrong = [(reply.ret or "").strip() for reply in replies]
-    if not taken.startswith("(evl /"):
-        return Verdict.FAIL, f"of a right line it prints `{taken}`"
+    judgement = _judge_refusal(replies)
+    if judgement is not None:
+        return judgement
+    valid_text, *wrong = [(reply.ret or "").strip() for reply in replies]
+    if not valid_text.startswith("(evl /"):
+        return Verdict.FAIL, f"of a right line it prints `{valid_text}`"
     other = next((text for text in wrong if not refusal(text)), None)
     return (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"of a wrong line it prints `{other}`")
 
 
 def _parse_nested(replies: Sequence[Reply]) -> Judgement:
-    unanswered = _unanswered(replies)
-    if unanswered is not None:
-        return unanswered
+    judgement = _judge_refusal(replies)
+    if judgement is not None:
+        return judgement
     text = (replies[0].ret or "").strip()
     return (Verdict.PASS if text == "atlantis" else Verdict.FAIL), f"the inner script's output is `{text}`"
 
 
 def _ambiguous(replies: Sequence[Reply]) -> Judgement:
     """Compare a name that several begin like with one that nobody has: their answers differ in the name at most."""
-    unanswered = _unanswered(replies)
-    if unanswered is not None:
-        return unanswered
+    judgement = _judge_refusal(replies)
+    if judgement is not None:
+        return judgement
     several, nobody = [(reply.ret or "").strip() for reply in replies]
     if nobody.startswith("(evl /") or not nobody:
         return Verdict.INCONCLUSIVE, f"of an unknown argument it prints `{nobody}`"
@@ -260,23 +260,24 @@ def _ambiguous(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.PASS if same else Verdict.FAIL), f"`{several}`"
 
 
-_LISTED = ("/interface/bridge", "protocol-mode")
-_PICKED = ("none", "rstp")
+_LIST_ARGUMENT = ("/interface/bridge", "protocol-mode")
+_QUERY_WORDS = ("none", "rstp")
 _TIMES = 10
 """How often the same list is asked for: over the API a long one loses a word now and then."""
 
 
-def _inspected(replies: Sequence[Reply]) -> Judgement:
-    unanswered = _unanswered(replies)
-    if unanswered is not None:
-        return unanswered
-    *lists, picked = [tuple(sorted(row.get("completion", "") for row in reply.rows)) for reply in replies]
-    if not set(_PICKED) < set(lists[0]):
-        return Verdict.FAIL, f"the list of `{_LISTED[1]}` is {', '.join(lists[0]) or 'empty'}"
+def _judge_inspection(replies: Sequence[Reply]) -> Judgement:
+    judgement = _judge_refusal(replies)
+    if judgement is not None:
+        return judgement
+    *lists, query_result = [tuple(sorted(row.get("completion", "") for row in reply.rows)) for reply in replies]
+    if not set(_QUERY_WORDS) < set(lists[0]):
+        return Verdict.FAIL, f"the list of `{_LIST_ARGUMENT[1]}` is {', '.join(lists[0]) or 'empty'}"
     if len(set(lists)) > 1:
         return Verdict.FAIL, f"{len(set(lists))} different lists in {len(lists)} answers"
-    return (Verdict.PASS if picked == _PICKED else Verdict.FAIL), (
-        f"the same {len(lists[0])} words in {len(lists)} answers, of which a query picks {', '.join(picked) or 'none'}"
+    return (Verdict.PASS if query_result == _QUERY_WORDS else Verdict.FAIL), (
+        f"the same {len(lists[0])} words in {len(lists)} answers, "
+        f"of which a query picks {', '.join(query_result) or 'none'}"
     )
 
 
@@ -284,7 +285,7 @@ CHECKS: Final[Mapping[str, AssumptionCheck]] = {
     "api-unknown-property": AssumptionCheck((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
     "api-count-only": AssumptionCheck(
         (Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
-        _counted,
+        _judge_count,
     ),
     "api-query-order": AssumptionCheck(
         (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _text_order
@@ -295,12 +296,20 @@ CHECKS: Final[Mapping[str, AssumptionCheck]] = {
     "history-newest-first": AssumptionCheck((_print("/system/history", ".id,time"),), _history_order),
     "netwatch-values": AssumptionCheck((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
     "lte-pin-words": AssumptionCheck((MODEMS, MONITOR), _pin_words),
-    "parse-words": AssumptionCheck(tuple(map(_parse, _PARSED)), _parse_words),
-    "parse-nested": AssumptionCheck((executed(':put [:execute script=":put atlantis" as-string]'),), _parse_nested),
+    "parse-words": AssumptionCheck(tuple(map(_parse, _PARSE_LINES)), _parse_words),
+    "parse-nested": AssumptionCheck(
+        (script_command(':put [:execute script=":put atlantis" as-string]'),), _parse_nested
+    ),
     "console-ambiguous": AssumptionCheck(
         (_parse("/ip/address/add co=x"), _parse("/ip/address/add atlantis=x")), _ambiguous
     ),
-    "inspect-whole": AssumptionCheck((*[offered(*_LISTED)] * _TIMES, offered(*_LISTED, among=_PICKED)), _inspected),
+    "inspect-whole": AssumptionCheck(
+        (
+            *[build_completion_query(*_LIST_ARGUMENT)] * _TIMES,
+            build_completion_query(*_LIST_ARGUMENT, among=_QUERY_WORDS),
+        ),
+        _judge_inspection,
+    ),
 }
 """Beside these `read` shows `api-flight-100` and `tls-version`, which are of the session and not of an answer."""
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
@@ -310,32 +319,32 @@ async def read(endpoint: Endpoint) -> SeenAnswers:
     """Show what can be shown without changing anything, in two sessions. Raises DeviceFailed."""
     narrow: list[bool] = []
 
-    def narrowed() -> None:
+    def on_window_shrink() -> None:
         narrow.append(True)
-        endpoint.narrowed()
+        endpoint.on_window_shrink()
 
-    large = replace(endpoint, window=READING_WINDOW, narrowed=narrowed)
+    large = replace(endpoint, window=READING_WINDOW, on_window_shrink=on_window_shrink)
     # Both at once, so that the device has two sessions to list.
     async with await Session.open(endpoint) as session, await Session.open(large) as other:
         many = await other.flight([_print("/system/identity", ".id")] * READING_WINDOW)
-        requested = [question for check in CHECKS.values() for question in check.questions]
-        resource, *replies = await session.flight([_RESOURCE, *requested])
-        named = monitor_of(replies[requested.index(MODEMS)].rows)
-        if named != MONITOR:
-            replies[requested.index(MONITOR)] = await session.command(named)
+        questions = [question for check in CHECKS.values() for question in check.questions]
+        resource, *replies = await session.flight([_RESOURCE, *questions])
+        monitor = monitor_of(replies[questions.index(MODEMS)].rows)
+        if monitor != MONITOR:
+            replies[questions.index(MONITOR)] = await session.command(monitor)
         tls = session.tls_version
     silent = f"silent with {READING_WINDOW} in flight, answered with {WINDOW}"
-    found = {
+    judgements = {
         "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} answers"),
         "tls-version": (Verdict.PASS if tls == "TLSv1.2" else Verdict.FAIL, tls),
     }
     for name, check in CHECKS.items():
         mine, replies = replies[: len(check.questions)], replies[len(check.questions) :]
         unread = next((reply for reply in mine if _forbidden(reply)), None)
-        found[name] = check.judge(mine) if unread is None else (Verdict.INCONCLUSIVE, str(_refused(unread)))
-    row = next(iter(resource.checked().rows), {})
+        judgements[name] = check.judge(mine) if unread is None else (Verdict.INCONCLUSIVE, str(_refusal_text(unread)))
+    row = next(iter(resource.check().rows), {})
     findings = tuple(
-        AssumptionFinding.of(each.id, found.get(each.id, (Verdict.SKIP, each.shown))) for each in ASSUMPTIONS
+        AssumptionFinding.of(each.id, judgements.get(each.id, (Verdict.SKIP, each.proof))) for each in ASSUMPTIONS
     )
     return SeenAnswers(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
 
@@ -346,7 +355,7 @@ def _forbidden(reply: Reply) -> bool:
 
 # With scratch rows.
 
-TRIES: Final = tuple(each.id for each in ASSUMPTIONS if each.shown == TRY)
+TRIES: Final = tuple(each.id for each in ASSUMPTIONS if each.proof == TRY)
 """What `try_out` shows."""
 
 
@@ -368,94 +377,98 @@ def _line(name: str) -> str:
     return f"/ip dns static add {words}\n"
 
 
-def _marked(menu: str) -> Command:
+def _scratch_query(menu: str) -> Command:
     return Command(f"{menu}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
 
 
-_MARKED = _marked(_MENU)
+_SCRATCH_ROWS = _scratch_query(_MENU)
 _ROUTE, _BRIDGE, _JOB = "/ip/route", "/interface/bridge", "/system/scheduler"
 _SCRATCH_MENUS = (_MENU, _ROUTE, _BRIDGE, _JOB)
 """Where rows may be left, in the order in which they are removed."""
-_EVERY_MARKED = tuple(map(_marked, _SCRATCH_MENUS))
+_EVERY_MARKED = tuple(map(_scratch_query, _SCRATCH_MENUS))
 _BY_HAND = "; ".join(
     f'{menu.replace("/", " ").replace(" ", "/", 1)} remove [find comment="{MARK}"]' for menu in _SCRATCH_MENUS
 )
 _ALL = _print(_MENU, ".id")
 _HISTORY = _print("/system/history", ".id")
-_SCRIPTED: Final = 3
+_SCRIPT_ROWS: Final = 3
 """Rows that the first script adds."""
 _NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
 
 
 async def try_out(endpoint: Endpoint) -> tuple[AssumptionFinding, ...]:
     """Show what needs scratch rows. Raises DeviceFailed with the device as it was, OutcomeUnknown if rows are left."""
-    found: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
+    judgements: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
     async with await Session.open(endpoint) as watcher:
         await _refuse(watcher)
         try:
             with suppress(SessionLost):
-                await _by_rows(endpoint, watcher, found)
-            await _cleaned(endpoint)
+                await _by_rows(endpoint, watcher, judgements)
+            await _clean_up(endpoint)
             with suppress(SessionLost):
-                await _by_two(endpoint, watcher, found)
+                await _by_two(endpoint, watcher, judgements)
             with suppress(SessionLost):
-                await _by_close(endpoint, watcher, found)
+                await _by_close(endpoint, watcher, judgements)
         finally:
-            await _cleaned(endpoint)
-    return tuple(AssumptionFinding.of(name, judgement) for name, judgement in found.items())
+            await _clean_up(endpoint)
+    return tuple(AssumptionFinding.of(name, judgement) for name, judgement in judgements.items())
 
 
 async def _refuse(session: Session) -> None:
     """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
-    state, *marked = await session.flight([READ, *_EVERY_MARKED])
+    state, *replies = await session.flight([READ, *_EVERY_MARKED])
     if state.trap is not None:
-        raise DeviceFailed(
+        raise DeviceError(
             "nothing was tried: this device has no safe mode for the API",
             hint="it came with RouterOS 7.18; without `--try` the device is only read",
         )
-    if Holder.of(state).taken:
-        raise DeviceFailed(
+    if Holder.of(state).is_taken:
+        raise DeviceError(
             "nothing was tried: somebody holds safe mode of this device",
             hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
         )
-    left = sum(len(reply.checked().rows) for reply in marked)
-    if left:
-        raise DeviceFailed(
-            f"nothing was tried: {left} scratch rows of an earlier try are there", hint=f"on the device:  {_BY_HAND}"
+    leftover_count = sum(len(reply.check().rows) for reply in replies)
+    if leftover_count:
+        raise DeviceError(
+            f"nothing was tried: {leftover_count} scratch rows of an earlier try are there",
+            hint=f"on the device:  {_BY_HAND}",
         )
 
 
-async def _by_rows(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+async def _by_rows(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
     """Add rows by sentences and by scripts under safe mode, and take everything back."""
-    before = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
+    before = [row.get(".id") for row in (await watcher.command(_ALL)).check().rows]
     async with await Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         try:
             replies = await session.flight([_add(f"flight-{number}") for number in range(WINDOW)])
         except SessionLost:
-            found["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {WINDOW} writes in flight")
+            judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {WINDOW} writes in flight")
             raise
-        found["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
-        found["api-tagged-order"], ids = _in_order(replies)
+        judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
+        judgements["api-tagged-order"], ids = _in_order(replies)
         if ids:
             await session.command(Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
             again = _number((await session.command(_add("again"))).ret)
-            grown = again is not None and again > max(ids)
-            words = "greater than all before" if grown else "not greater than all before"
-            found["api-ids-grow"] = (Verdict.PASS if grown else Verdict.FAIL, f"the .id after a removal is {words}")
-        await _by_scripts(session, found)
-        found["name-in-routes"] = await _by_name(session)
-        found["on-event-60k"] = await _by_job(session)
+            has_grown = again is not None and again > max(ids)
+            words = "greater than all before" if has_grown else "not greater than all before"
+            judgements["api-ids-grow"] = (
+                Verdict.PASS if has_grown else Verdict.FAIL,
+                f"the .id after a removal is {words}",
+            )
+        await _by_scripts(session, judgements)
+        judgements["name-in-routes"] = await _by_name(session)
+        judgements["on-event-60k"] = await _by_job(session)
         await session.command(UNROLL)
-    after = [row.get(".id") for row in (await watcher.command(_ALL)).checked().rows]
-    marked = (await watcher.command(_MARKED)).checked().rows
-    scripted = [row for row in marked if row.get("name", "").startswith("script-")]
-    if scripted:
-        found["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(scripted)} rows of scripts are left")
+    after = [row.get(".id") for row in (await watcher.command(_ALL)).check().rows]
+    scratch_rows = (await watcher.command(_SCRATCH_ROWS)).check().rows
+    script_rows = [row for row in scratch_rows if row.get("name", "").startswith("script-")]
+    if script_rows:
+        judgements["safe-mode-undoes-scripts"] = (Verdict.FAIL, f"{len(script_rows)} rows of scripts are left")
     elif after != before:
-        found["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before")
-    elif found["execute-stops"][0] is not Verdict.INCONCLUSIVE:
-        found["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before")
+        judgements["safe-mode-undoes-scripts"] = (Verdict.INCONCLUSIVE, "the menu is not as before")
+    elif judgements["execute-stops"][0] is not Verdict.INCONCLUSIVE:
+        judgements["safe-mode-undoes-scripts"] = (Verdict.PASS, "all rows are gone, the menu is as before")
 
 
 def _number(text: str | None) -> int | None:
@@ -464,49 +477,51 @@ def _number(text: str | None) -> int | None:
 
 def _in_order(replies: Sequence[Reply]) -> tuple[Judgement, list[int]]:
     ids = [_number(reply.ret) for reply in replies]
-    known = [each for each in ids if each is not None]
-    if len(known) < len(ids):
-        words = next((_refused(reply) for reply in replies if reply.trap is not None), "no .id was answered")
+    known_ids = [each for each in ids if each is not None]
+    if len(known_ids) < len(ids):
+        words = next((_refusal_text(reply) for reply in replies if reply.trap is not None), "no .id was answered")
         return (Verdict.INCONCLUSIVE, str(words)), []
-    rising = all(a < b for a, b in pairwise(known))
+    rising = all(a < b for a, b in pairwise(known_ids))
     words = "in the order of sending" if rising else "in another order than that of sending"
-    return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known)} rows were added {words}"), known
+    return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known_ids)} rows were added {words}"), known_ids
 
 
-async def _by_scripts(session: Session, found: dict[str, Judgement]) -> None:
+async def _by_scripts(session: Session, judgements: dict[str, Judgement]) -> None:
     """Run a script that is right, and one with an error in its middle."""
     before = _ids(await session.command(_HISTORY))
-    right = await session.command(_script("".join(_line(f"script-{number}") for number in range(_SCRIPTED))))
+    right = await session.command(_script("".join(_line(f"script-{number}") for number in range(_SCRIPT_ROWS))))
     after = _ids(await session.command(_HISTORY))
     if right.trap is not None:
         missing = right.trap.message.startswith("no such command")
-        words = str(_refused(right))
-        found["execute-error-text"] = (Verdict.FAIL if missing else Verdict.INCONCLUSIVE, words)
+        words = str(_refusal_text(right))
+        judgements["execute-error-text"] = (Verdict.FAIL if missing else Verdict.INCONCLUSIVE, words)
         for name in ("safe-mode-counts-rows", "safe-mode-undoes-scripts", "execute-stops"):
-            found[name] = (Verdict.INCONCLUSIVE, words)
+            judgements[name] = (Verdict.INCONCLUSIVE, words)
         return
     # The rows that were added before have left entries: none at all says nothing.
     number = len(after - before)
-    judged = Verdict.INCONCLUSIVE if not before or not after else Verdict.PASS if number == _SCRIPTED else Verdict.FAIL
-    found["safe-mode-counts-rows"] = (judged, f"{number} entries for {_SCRIPTED} rows")
+    verdict = (
+        Verdict.INCONCLUSIVE if not before or not after else Verdict.PASS if number == _SCRIPT_ROWS else Verdict.FAIL
+    )
+    judgements["safe-mode-counts-rows"] = (verdict, f"{number} entries for {_SCRIPT_ROWS} rows")
     wrong = await session.command(
         _script(f'{_line("script-first")}/ip dns static set *FFFFFF comment="{MARK}"\n{_line("script-after")}')
     )
     if wrong.trap is not None:
-        found["execute-error-text"] = (Verdict.FAIL, f"`!trap` {wrong.trap.message}")
+        judgements["execute-error-text"] = (Verdict.FAIL, f"`!trap` {wrong.trap.message}")
     else:
         is_confirmed = "no such item" in (wrong.ret or "")
-        found["execute-error-text"] = (
+        judgements["execute-error-text"] = (
             Verdict.PASS if is_confirmed else Verdict.FAIL,
             f"the output is `{wrong.ret or ''}`",
         )
-    names = {row.get("name", "").partition(".")[0] for row in (await session.command(_MARKED)).checked().rows}
+    names = {row.get("name", "").partition(".")[0] for row in (await session.command(_SCRATCH_ROWS)).check().rows}
     if "script-first" not in names:
-        found["execute-stops"] = (Verdict.INCONCLUSIVE, "the line before the error was not executed either")
+        judgements["execute-stops"] = (Verdict.INCONCLUSIVE, "the line before the error was not executed either")
     elif "script-after" in names:
-        found["execute-stops"] = (Verdict.FAIL, "the line after the error was executed")
+        judgements["execute-stops"] = (Verdict.FAIL, "the line after the error was executed")
     else:
-        found["execute-stops"] = (Verdict.PASS, "the line before the error was executed, the one after it not")
+        judgements["execute-stops"] = (Verdict.PASS, "the line before the error was executed, the one after it not")
 
 
 _BEFORE, _AFTER = "atlantis-verify", "atlantis-verified"
@@ -520,13 +535,13 @@ async def _by_name(session: Session) -> Judgement:
     for menu, values in ((_BRIDGE, bridge), (_ROUTE, route)):
         reply = await session.command(Command(f"{menu}/add", values))
         if reply.trap is not None or reply.ret is None:
-            return Verdict.INCONCLUSIVE, _refused(reply) or "no .id was answered"
+            return Verdict.INCONCLUSIVE, _refusal_text(reply) or "no .id was answered"
         ids.append(reply.ret)
-    renamed = await session.command(Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
-    if renamed.trap is not None:
-        return Verdict.INCONCLUSIVE, str(_refused(renamed))
-    shown = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
-    gateway = next((row.get("gateway", "") for row in shown.rows), "")
+    rename_reply = await session.command(Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
+    if rename_reply.trap is not None:
+        return Verdict.INCONCLUSIVE, str(_refusal_text(rename_reply))
+    route_reply = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
+    gateway = next((row.get("gateway", "") for row in route_reply.rows), "")
     return (Verdict.PASS if gateway == _AFTER else Verdict.FAIL), f"renamed to {_AFTER}, the route says `{gateway}`"
 
 
@@ -537,14 +552,16 @@ ON_EVENT: Final = 60_000
 async def _by_job(session: Session) -> Judgement:
     """Add a long job that never runs, and read what the device has kept of it."""
     words = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK), ("on-event", "#" * ON_EVENT))
-    added = await session.command(Command(f"{_JOB}/add", words))
-    if added.trap is not None:
-        return Verdict.FAIL, str(_refused(added))
-    shown = await session.command(replace(_print(_JOB, "on-event"), queries=(f"?comment={MARK}",)))
-    if shown.trap is not None or len(shown.rows) != 1:
-        return Verdict.INCONCLUSIVE, _refused(shown) or f"{len(shown.rows)} jobs are shown"
-    kept = len(shown.rows[0].get("on-event", ""))
-    return (Verdict.PASS if kept == ON_EVENT else Verdict.FAIL), f"of {ON_EVENT:,} bytes it has kept {kept:,}"
+    add_reply = await session.command(Command(f"{_JOB}/add", words))
+    if add_reply.trap is not None:
+        return Verdict.FAIL, str(_refusal_text(add_reply))
+    job_reply = await session.command(replace(_print(_JOB, "on-event"), queries=(f"?comment={MARK}",)))
+    if job_reply.trap is not None or len(job_reply.rows) != 1:
+        return Verdict.INCONCLUSIVE, _refusal_text(job_reply) or f"{len(job_reply.rows)} jobs are shown"
+    stored_bytes = len(job_reply.rows[0].get("on-event", ""))
+    return (
+        Verdict.PASS if stored_bytes == ON_EVENT else Verdict.FAIL
+    ), f"of {ON_EVENT:,} bytes it has kept {stored_bytes:,}"
 
 
 def _ids(reply: Reply) -> set[str]:
@@ -555,34 +572,37 @@ def _script(text: str) -> Command:
     return Command("/execute", (("script", text), ("as-string", "")))
 
 
-async def _by_two(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+async def _by_two(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
     """Let a second session take safe mode from the first, which has changed nothing."""
     async with await Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         second = await watcher.command(TAKE)
-        still, robbed = (await _SAFE_MODE.look(session)).ours, (await _SAFE_MODE.look(watcher)).ours
-        if robbed:
+        still, watcher_holds = (await _SAFE_MODE.look(session)).ours, (await _SAFE_MODE.look(watcher)).ours
+        if watcher_holds:
             await watcher.command(UNROLL)
         elif still:
             await session.command(UNROLL)
-    if second.trap is not None and still and not robbed:
-        found["safe-mode-second-taker"] = (Verdict.PASS, f"`{second.trap.message}`")
+    if second.trap is not None and still and not watcher_holds:
+        judgements["safe-mode-second-taker"] = (Verdict.PASS, f"`{second.trap.message}`")
     else:
         words = "was refused" if second.trap is not None else "was not refused"
-        kept = "kept" if still else "lost"
-        found["safe-mode-second-taker"] = (Verdict.FAIL, f"the second session {words}, the first has {kept} safe mode")
+        outcome = "kept" if still else "lost"
+        judgements["safe-mode-second-taker"] = (
+            Verdict.FAIL,
+            f"the second session {words}, the first has {outcome} safe mode",
+        )
 
 
-async def _by_close(endpoint: Endpoint, watcher: Session, found: dict[str, Judgement]) -> None:
+async def _by_close(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
     """Close a session that holds safe mode, and see how long its row stays."""
     async with await Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
-        (await session.command(_add("close"))).checked()
-    waited = await _gone(watcher, CLOSE_S)
-    if waited is None:
-        found["safe-mode-close"] = (Verdict.FAIL, f"not undone {CLOSE_S:.0f} s after the close")
+        (await session.command(_add("close"))).check()
+    elapsed_s = await _wait_until_gone(watcher, CLOSE_S)
+    if elapsed_s is None:
+        judgements["safe-mode-close"] = (Verdict.FAIL, f"not undone {CLOSE_S:.0f} s after the close")
     else:
-        found["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, waited):.0f} s")
+        judgements["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, elapsed_s):.0f} s")
 
 
 async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
@@ -592,35 +612,35 @@ async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
         await _refuse(session)
         try:
             await _SAFE_MODE.take(session)
-            (await session.command(_add("silence"))).checked()
+            (await session.command(_add("silence"))).check()
             session.fall_silent()
             async with await Session.open(endpoint) as watcher:
-                waited = await _gone(watcher, UNDO_S, every_s=15.0)
+                elapsed_s = await _wait_until_gone(watcher, UNDO_S, every_s=15.0)
         finally:
-            await _cleaned(endpoint)
-    if waited is None:
+            await _clean_up(endpoint)
+    if elapsed_s is None:
         judgement = (Verdict.FAIL, f"not undone after {UNDO_S / 60:.0f} minutes")
-    elif waited < _SOON_S:
-        judgement = (Verdict.INCONCLUSIVE, f"undone within {waited:.0f} s: the session was not silent, but ended")
+    elif elapsed_s < _SOON_S:
+        judgement = (Verdict.INCONCLUSIVE, f"undone within {elapsed_s:.0f} s: the session was not silent, but ended")
     else:
-        judgement = (Verdict.PASS, f"undone after {waited / 60:.1f} minutes of silence")
+        judgement = (Verdict.PASS, f"undone after {elapsed_s / 60:.1f} minutes of silence")
     return AssumptionFinding.of(name, judgement)
 
 
-async def _gone(session: Session, within_s: float, every_s: float = 1.0) -> float | None:
+async def _wait_until_gone(session: Session, within_s: float, every_s: float = 1.0) -> float | None:
     """Wait until nobody holds safe mode and no scratch row is left; the seconds that it took, or None."""
     clock = asyncio.get_running_loop().time
-    begun = clock()
+    start = clock()
     while True:
-        state, marked = await session.flight([READ, _MARKED])
-        if not Holder.of(state).taken and not marked.checked().rows:
-            return clock() - begun
-        if clock() - begun >= within_s:
+        state, scratch_reply = await session.flight([READ, _SCRATCH_ROWS])
+        if not Holder.of(state).is_taken and not scratch_reply.check().rows:
+            return clock() - start
+        if clock() - start >= within_s:
             return None
         await asyncio.sleep(every_s)
 
 
-async def _cleaned(endpoint: Endpoint) -> None:
+async def _clean_up(endpoint: Endpoint) -> None:
     """See in a new session that no row is left: what safe mode has not taken back is removed. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
         "the device does not say that the scratch rows are gone",
@@ -630,14 +650,14 @@ async def _cleaned(endpoint: Endpoint) -> None:
         async with await Session.open(endpoint) as session:
             clock = asyncio.get_running_loop().time
             until = clock() + UNDO_S
-            while (await _SAFE_MODE.look(session)).taken and clock() < until:  # noqa: ASYNC110 - the device tells when
+            while (await _SAFE_MODE.look(session)).is_taken and clock() < until:  # noqa: ASYNC110 - the device tells when
                 await asyncio.sleep(1.0)
-            for menu, marked in zip(_SCRATCH_MENUS, await session.flight(_EVERY_MARKED), strict=True):
-                ids = ",".join(row[".id"] for row in marked.checked().rows)
+            for menu, scratch_reply in zip(_SCRATCH_MENUS, await session.flight(_EVERY_MARKED), strict=True):
+                ids = ",".join(row[".id"] for row in scratch_reply.check().rows)
                 if ids:
-                    (await session.command(Command(f"{menu}/remove", ((".id", ids),)))).checked()
-            state, *left = await session.flight([READ, *_EVERY_MARKED])
-            if Holder.of(state).taken or any(reply.checked().rows for reply in left):
+                    (await session.command(Command(f"{menu}/remove", ((".id", ids),)))).check()
+            state, *leftover_replies = await session.flight([READ, *_EVERY_MARKED])
+            if Holder.of(state).is_taken or any(reply.check().rows for reply in leftover_replies):
                 raise unknown
-    except DeviceFailed as lost:
+    except DeviceError as lost:
         raise unknown from lost

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import sync_directory
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NothingMatched
+from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class JournalFailed(NetcfgError):
+class JournalError(NetcfgError):
     """The journal cannot be written: nothing more may be changed, because nobody could go on after a break."""
 
     exit = ExitCode.FAILED
 
 
-class PinsDamaged(NetcfgError):
+class DamagedPinsError(NetcfgError):
     """The file of pinned certificates cannot be read: no device may be trusted until a person has looked."""
 
     exit = ExitCode.FAILED
 
 
-class StateDamaged(NetcfgError):
+class DamagedStateError(NetcfgError):
     """A saved state is not what was written: it must not be put on a device."""
 
     exit = ExitCode.FAILED
@@ -39,7 +39,7 @@ class SiteBusy(NetcfgError):
     exit = ExitCode.FAILED
 
 
-class NoSuchRun(NothingMatched):
+class NoSuchRun(NoMatchError):
     """A run that is not in the journal of the site."""
 
 
@@ -72,8 +72,8 @@ def new_run(runs: Path, now: datetime, name: str = "", *, archive: Path | None =
     Where the clock was set back since the last run, or within its second, it has that one's time and a number. What
     is in the `archive` keeps its name.
     """
-    known = (run_order(path.name)[0] for path in runs.iterdir())
-    stamp = name or max(now.strftime("%Y%m%dT%H%M%SZ"), *filter(_STAMP.fullmatch, known), "")
+    times = (run_order(path.name)[0] for path in runs.iterdir())
+    stamp = name or max(now.strftime("%Y%m%dT%H%M%SZ"), *filter(_STAMP.fullmatch, times), "")
     number = 1
     while True:
         directory = runs / (stamp if number == 1 else f"{stamp}-{number:02}")
@@ -103,18 +103,18 @@ def os_errors_as(what: str, path: Path) -> Iterator[None]:
         raise unwritable(what, path, error) from error
 
 
-def unwritable(what: str, path: Path, error: OSError) -> JournalFailed:
+def unwritable(what: str, path: Path, error: OSError) -> JournalError:
     """The error for a file that could not be written."""
     reason = error.strerror or str(error)
-    return JournalFailed(
+    return JournalError(
         f"{what} cannot be written: {reason} ({path})",
         hint="make room on the disk or correct its permissions, then run the same command again",
     )
 
 
-def vanished(what: str, path: Path) -> JournalFailed:
+def missing_file_error(what: str, path: Path) -> JournalError:
     """The error for a file that is open, but no longer where it was: nobody would find what is written to it."""
-    return JournalFailed(
+    return JournalError(
         f"{what} cannot be written: the folder of the run was deleted or replaced in mid-run ({path})",
         hint="keep the state folder on a disk that stays, then run the same command again",
     )

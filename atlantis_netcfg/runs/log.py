@@ -15,8 +15,15 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.runs.files import JournalFailed, component, make_private, os_errors_as, unwritable, vanished
-from atlantis_netcfg.runs.records import Record, StateConfirmed, StateSaved
+from atlantis_netcfg.runs.files import (
+    JournalError,
+    component,
+    make_private,
+    missing_file_error,
+    os_errors_as,
+    unwritable,
+)
+from atlantis_netcfg.runs.records import Record, StateBackup, StateConfirmation
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -86,7 +93,7 @@ def parse(data: bytes) -> Log:
 
     Lines of earlier versions have no checksum; after the first one that has, every line has one.
     """
-    lines, torn = split(data)
+    lines, torn_line = split(data)
     entries: list[LogEntry] = []
     damage: list[str] = []
     previous, has_checksums = {b""}, False
@@ -104,7 +111,7 @@ def parse(data: bytes) -> Log:
             entries.append(entry)
         # Of a damaged line either the text or the checksum may be what was written.
         previous = candidates if is_intact else {*candidates, own_checksum}
-    return Log(tuple(entries), tuple(damage), bool(torn), next(iter(previous)))
+    return Log(tuple(entries), tuple(damage), bool(torn_line), next(iter(previous)))
 
 
 def _entry(text: bytes) -> LogEntry | None:
@@ -170,7 +177,7 @@ class StatesOnly:
         """Do not even ask for it."""
 
 
-def conclude(journal: Recorder, *records: Record) -> JournalFailed | None:
+def conclude(journal: Recorder, *records: Record) -> JournalError | None:
     """Put the last records of a run on disk. Returns why that was not possible, for the result, which must not be lost.
 
     A result that is not recorded is never a green one.
@@ -178,7 +185,7 @@ def conclude(journal: Recorder, *records: Record) -> JournalFailed | None:
     try:
         for record in records:
             journal.write(record)
-    except JournalFailed as failure:
+    except JournalError as failure:
         return failure
     return None
 
@@ -199,15 +206,15 @@ class _ReadResult(Protocol):
 _R = TypeVar("_R", bound=_ReadResult)
 
 
-def unrecorded(result: _R, failure: JournalFailed | None) -> _R:
+def mark_unrecorded(result: _R, failure: JournalError | None) -> _R:
     """Say in a result that it is not in the journal, and why; it is not green then. None: it is there."""
     if failure is None:
         return result
-    known = f"{result.message} {' '.join(result.notes)}"
-    changes: dict[str, Any] = {"exit": result.exit.unproved}
+    existing_text = f"{result.message} {' '.join(result.notes)}"
+    changes: dict[str, Any] = {"exit": result.exit.unproven_code}
     if NOT_RECORDED not in result.message:
         changes["message"] = f"{result.message}; {NOT_RECORDED}"
-    if str(failure) not in known:
+    if str(failure) not in existing_text:
         changes["notes"] = (*result.notes, str(failure))
     if "hint" in result.__dataclass_fields__:
         changes["hint"] = getattr(result, "hint", None) or failure.hint
@@ -248,20 +255,20 @@ class Journal(EventLog):
         data = text.encode()
         first = self.directory / "before" / f"{component(device)}.rsc"
         if first.exists() and not any(
-            isinstance(record, StateSaved) and record.device == device for record in parse(self._content()).records
+            isinstance(record, StateBackup) and record.device == device for record in parse(self._content()).records
         ):
             self._record_state(device, first, first.read_bytes())  # its record was lost, or its run was killed
         path = self._free(device, data)
         try:
             _put("the state before the run", path, data)
-        except JournalFailed as failure:
+        except JournalError as failure:
             self.failure = failure
             raise
         self._record_state(device, path, data)
 
     def _record_state(self, device: str, path: Path, data: bytes) -> None:
         file = str(path.relative_to(self.directory))
-        self.write(StateSaved(device=device, file=file, sha256=hashlib.sha256(data).hexdigest()))
+        self.write(StateBackup(device=device, file=file, sha256=hashlib.sha256(data).hexdigest()))
 
     def confirm(self, device: str, text: Callable[[], str]) -> None:
         """Put what was read back on disk, and record it. Runs that read the same share one file, called by its hash.
@@ -275,14 +282,14 @@ class Journal(EventLog):
         path = site / "confirmed" / f"{component(device)}-{digest[:16]}.rsc"
         if not path.exists() or path.read_bytes() != data:
             _put("the confirmed state", path, data)
-        self.write(StateConfirmed(device=device, file=str(path.relative_to(site)), sha256=digest))
+        self.write(StateConfirmation(device=device, file=str(path.relative_to(site)), sha256=digest))
 
     def _last_checksum(self) -> bytes:
         """Return what the next line continues from. What a killed process left of a line is removed."""
         data = self._content()
-        torn = split(data)[1]
-        if torn and torn[: len(_BEGIN)] == _BEGIN[: len(torn)] and b"\0" not in torn:
-            self.cut(len(data) - len(torn))
+        torn_line = split(data)[1]
+        if torn_line and torn_line[: len(_BEGIN)] == _BEGIN[: len(torn_line)] and b"\0" not in torn_line:
+            self.cut(len(data) - len(torn_line))
         else:  # what is not our writing stays, and is reported as damage
             self.end_torn_line()
         return parse(self._content()).checksum
@@ -293,8 +300,8 @@ class Journal(EventLog):
     def _require_present(self, what: str) -> None:
         """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""
         if not self.present:
-            self.failure = self.failure or vanished("the journal", self.path)
-            raise vanished(what, self.path)
+            self.failure = self.failure or missing_file_error("the journal", self.path)
+            raise missing_file_error(what, self.path)
 
     def _free(self, device: str, data: bytes) -> Path:
         folder = self.directory / "before"

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.runs.files import PinsDamaged, make_private, os_errors_as
+from atlantis_netcfg.runs.files import DamagedPinsError, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -59,8 +59,8 @@ class Pins:
 
     def window(self, device: str) -> int | None:
         """How many questions the device bears at once; None: as many as it was ever asked. Raises PinsDamaged."""
-        kept = self._read().get(_WINDOW + device, "")
-        return int(kept) if kept.isdecimal() else None
+        text = self._read().get(_WINDOW + device, "")
+        return int(text) if text.isdecimal() else None
 
     def narrow(self, device: str, window: int) -> None:
         """Ask the device no more than `window` questions at once from now on."""
@@ -88,13 +88,13 @@ class Pins:
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
-            raise self._damaged() from error
+            raise self._damage_error() from error
         if not isinstance(data, dict) or not all(isinstance(value, str) for value in data.values()):
-            raise self._damaged()
+            raise self._damage_error()
         return data
 
-    def _damaged(self) -> PinsDamaged:
-        return PinsDamaged(
+    def _damage_error(self) -> DamagedPinsError:
+        return DamagedPinsError(
             f"the file of pinned certificates cannot be read: {self._path}",
             hint="restore it from a copy; without it no device can be told from an impostor",
         )

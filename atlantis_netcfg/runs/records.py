@@ -13,7 +13,7 @@ from pydantic import Field
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CostCounted:
+class CostRecord:
     """What the run on a device has sent over a link that is paid by the byte."""
 
     kind: Literal["cost-counted"] = "cost-counted"
@@ -34,7 +34,7 @@ class CostCounted:
     currency: str | None
 
 
-SETTLED = frozenset(
+SETTLED_STATUSES = frozenset(
     {"unchanged", "changed", "planned", "drifted", "refused", "rolled-back", "left-as-found", "half-adopted"}
 )
 """Outcomes after which nothing of the run is open on the device; the other one is `unknown`."""
@@ -54,7 +54,7 @@ class Purpose(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunStarted:
+class RunStart:
     """First record of every journal."""
 
     kind: Literal["run-started"] = "run-started"
@@ -78,7 +78,7 @@ class RunStarted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunResumed:
+class RunResume:
     """Somebody goes on with this run after a break."""
 
     kind: Literal["run-resumed"] = "run-resumed"
@@ -88,7 +88,7 @@ class RunResumed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceObserved:
+class DeviceObservation:
     """The device was read; `state` is the digest of what was read, without what moves by itself."""
 
     kind: Literal["device-observed"] = "device-observed"
@@ -99,7 +99,7 @@ class DeviceObserved:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StateSaved:
+class StateBackup:
     """The device's export before the first change is on disk; `file` is relative to the run's directory."""
 
     kind: Literal["state-saved"] = "state-saved"
@@ -109,7 +109,7 @@ class StateSaved:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StateConfirmed:
+class StateConfirmation:
     """What was read back at the end is on disk; `file` is relative to the site's directory, as later runs share it."""
 
     kind: Literal["state-confirmed"] = "state-confirmed"
@@ -132,7 +132,7 @@ class PlannedAction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Planned:
+class PlanRecord:
     """What is going to be changed."""
 
     kind: Literal["planned"] = "planned"
@@ -143,7 +143,7 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Protected:
+class ProtectionRecord:
     """From here on the device undoes by itself what is not released: `how` is `safe-mode`, or `none`."""
 
     kind: Literal["protected"] = "protected"
@@ -152,7 +152,7 @@ class Protected:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Signed:
+class SignRecord:
     """This sign is about to be put on the device: whoever finds it there knows that it is of this run."""
 
     kind: Literal["signed"] = "signed"
@@ -171,7 +171,7 @@ class LayerSent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActionsAcknowledged:
+class ActionAcknowledgement:
     """The device says that it executed these actions; they are not confirmed before they were read back."""
 
     kind: Literal["actions-acknowledged"] = "actions-acknowledged"
@@ -180,7 +180,7 @@ class ActionsAcknowledged:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verified:
+class VerificationRecord:
     """A new session has read the declared state; `state` is its digest."""
 
     kind: Literal["verified"] = "verified"
@@ -197,7 +197,7 @@ class Releasing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Released:
+class ReleaseRecord:
     """Safe mode was released, and the device says that nobody holds it."""
 
     kind: Literal["released"] = "released"
@@ -205,7 +205,7 @@ class Released:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActionsConfirmed:
+class ActionConfirmation:
     """These actions were read back and are permanent."""
 
     kind: Literal["actions-confirmed"] = "actions-confirmed"
@@ -214,7 +214,7 @@ class ActionsConfirmed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unrolled:
+class RollbackRecord:
     """The changes of the run were taken back."""
 
     kind: Literal["unrolled"] = "unrolled"
@@ -242,7 +242,7 @@ class ContactStepDone:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pinned:
+class PinRecord:
     """From here on the device is known by these; None where it was not seen (no SSH on a serial line)."""
 
     kind: Literal["pinned"] = "pinned"
@@ -271,7 +271,7 @@ class Rebooting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PackagesConfirmed:
+class PackageConfirmation:
     """After the reboot the device was read: these packages, all of this version."""
 
     kind: Literal["packages-confirmed"] = "packages-confirmed"
@@ -294,7 +294,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunEnded:
+class RunEnd:
     """Last record of a run that was not killed."""
 
     kind: Literal["run-ended"] = "run-ended"
@@ -302,29 +302,29 @@ class RunEnded:
 
 
 Record = Annotated[
-    RunStarted
-    | RunResumed
-    | DeviceObserved
-    | StateSaved
-    | StateConfirmed
-    | Planned
-    | Protected
-    | Signed
+    RunStart
+    | RunResume
+    | DeviceObservation
+    | StateBackup
+    | StateConfirmation
+    | PlanRecord
+    | ProtectionRecord
+    | SignRecord
     | LayerSent
-    | ActionsAcknowledged
-    | Verified
+    | ActionAcknowledgement
+    | VerificationRecord
     | Releasing
-    | Released
-    | ActionsConfirmed
-    | Unrolled
+    | ReleaseRecord
+    | ActionConfirmation
+    | RollbackRecord
     | ContactStep
     | ContactStepDone
-    | Pinned
+    | PinRecord
     | PackageSent
     | Rebooting
-    | PackagesConfirmed
-    | CostCounted
+    | PackageConfirmation
+    | CostRecord
     | Outcome
-    | RunEnded,
+    | RunEnd,
     Field(discriminator="kind"),
 ]

@@ -7,33 +7,33 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.runs.files import StateDamaged
+from atlantis_netcfg.runs.files import DamagedStateError
 from atlantis_netcfg.runs.log import FILE, Log, read
 from atlantis_netcfg.runs.records import (
-    SETTLED,
-    ActionsAcknowledged,
-    ActionsConfirmed,
+    SETTLED_STATUSES,
+    ActionAcknowledgement,
+    ActionConfirmation,
     LayerSent,
     Outcome,
-    Protected,
+    ProtectionRecord,
     Purpose,
     Releasing,
-    RunEnded,
-    RunResumed,
-    RunStarted,
-    Signed,
-    StateConfirmed,
-    StateSaved,
+    RunEnd,
+    RunResume,
+    RunStart,
+    SignRecord,
+    StateBackup,
+    StateConfirmation,
 )
 
 if TYPE_CHECKING:
     from datetime import datetime
     from pathlib import Path
 
-_DONE = frozenset({"unchanged", "changed"})
+_COMPLETE_STATUSES = frozenset({"unchanged", "changed"})
 """Outcomes that stand for a device that was read back as it was to be."""
 
-_TOUCHING = (Signed, Protected, LayerSent, Releasing)
+_TOUCHING = (SignRecord, ProtectionRecord, LayerSent, Releasing)
 """Records after which something of the run may be open on the device."""
 
 
@@ -51,13 +51,13 @@ class SavedState:
         try:
             data = self.path.read_bytes()
         except OSError as error:
-            raise self._damaged(error.strerror or str(error)) from error
+            raise self._damage_error(error.strerror or str(error)) from error
         if hashlib.sha256(data).hexdigest() != self.sha256:
-            raise self._damaged("it was changed since")
+            raise self._damage_error("it was changed since")
         return data.decode()
 
-    def _damaged(self, why: str) -> StateDamaged:
-        return StateDamaged(
+    def _damage_error(self, why: str) -> DamagedStateError:
+        return DamagedStateError(
             f"the state that run {self.run} has kept cannot be used: {why} ({self.path})",
             hint="take the state of another run: `provision runs` lists them",
         )
@@ -82,9 +82,9 @@ class Run:
         return self.directory.name
 
     @property
-    def started(self) -> RunStarted | None:
+    def start_record(self) -> RunStart | None:
         """The first record; None if the run was killed before it."""
-        return next((record for record in self.log.records if isinstance(record, RunStarted)), None)
+        return next((record for record in self.log.records if isinstance(record, RunStart)), None)
 
     @property
     def at(self) -> datetime | None:
@@ -96,9 +96,9 @@ class Run:
         """How it ended; None if it runs or was killed."""
         ends: int | None = None
         for record in self.log.records:
-            if isinstance(record, RunEnded):
+            if isinstance(record, RunEnd):
                 ends = record.exit
-            elif isinstance(record, RunResumed):
+            elif isinstance(record, RunResume):
                 ends = None
         return ends
 
@@ -116,42 +116,48 @@ class Run:
     @property
     def purpose(self) -> Purpose:
         """What it was for."""
-        return self.started.purpose if self.started is not None else Purpose.CONFIGURE
+        return self.start_record.purpose if self.start_record is not None else Purpose.CONFIGURE
 
     @property
     def next_command(self) -> str:
         """What a person types to go on with it: what is no run of the engine is repeated."""
-        if self.started is None or self.purpose is Purpose.CONFIGURE:
-            typed = shlex.split(self.started.command) if self.started is not None else []
-            declared = [shlex.quote(word) for word in typed if word.startswith("inventory=")]
-            rehearsed = ["--rehearse"] if self.started is not None and self.started.rehearsed else []
+        if self.start_record is None or self.purpose is Purpose.CONFIGURE:
+            words = shlex.split(self.start_record.command) if self.start_record is not None else []
+            inventory_words = [shlex.quote(word) for word in words if word.startswith("inventory=")]
+            rehearse_option = ["--rehearse"] if self.start_record is not None and self.start_record.rehearsed else []
             resume = f"provision resume site={self.directory.parent.parent.name} run={self.id}"
-            return " ".join([resume, *declared, *rehearsed])
-        return self.started.command
+            return " ".join([resume, *inventory_words, *rehearse_option])
+        return self.start_record.command
 
     @property
-    def settled(self) -> frozenset[str]:
+    def settled_devices(self) -> frozenset[str]:
         """Devices on which nothing of this run is open."""
         return frozenset(
-            device for device, outcome in self.outcomes.items() if outcome.status in SETTLED and not outcome.open
+            device
+            for device, outcome in self.outcomes.items()
+            if outcome.status in SETTLED_STATUSES and not outcome.open
         )
 
     @property
-    def unsettled(self) -> tuple[str, ...]:
+    def unsettled_devices(self) -> tuple[str, ...]:
         """Devices of the run whose outcome is unknown or was never reached; a backup leaves nothing open."""
-        settled = self.settled
-        return tuple(host for host in self._changing if host not in settled)
+        settled_devices = self.settled_devices
+        return tuple(host for host in self._changing if host not in settled_devices)
 
     @property
     def undone(self) -> tuple[str, ...]:
         """Devices of the run that were not read back as they were to be, also where nothing is open on them."""
-        settled, outcomes = self.settled, self.outcomes
-        return tuple(host for host in self._changing if host not in settled or outcomes[host].status not in _DONE)
+        settled_devices, outcomes = self.settled_devices, self.outcomes
+        return tuple(
+            host
+            for host in self._changing
+            if host not in settled_devices or outcomes[host].status not in _COMPLETE_STATUSES
+        )
 
     @property
     def _changing(self) -> tuple[str, ...]:
         """Devices that the run was to change: none of a backup."""
-        return self.started.hosts if self.started is not None and self.purpose is not Purpose.BACKUP else ()
+        return self.start_record.hosts if self.start_record is not None and self.purpose is not Purpose.BACKUP else ()
 
     def settles(self, earlier: Run) -> frozenset[str]:
         """Devices on which this run has ended what an earlier one had left open: it did the same, and read it back.
@@ -162,17 +168,17 @@ class Run:
         if not alike and (self.purpose, earlier.purpose) != (Purpose.CONFIGURE, Purpose.ADOPT):
             return frozenset()
         outcomes = self.outcomes
-        return frozenset(device for device in self.settled if outcomes[device].status in _DONE)
+        return frozenset(device for device in self.settled_devices if outcomes[device].status in _COMPLETE_STATUSES)
 
-    def signed(self, device: str, sign: str) -> bool:
+    def has_sign(self, device: str, sign: str) -> bool:
         """Whether this sign on the device is of this run."""
-        return any(isinstance(record, Signed) and record.sign == sign for record in self._of(device))
+        return any(isinstance(record, SignRecord) and record.sign == sign for record in self._of(device))
 
     def before(self, device: str) -> SavedState | None:
         """The device's state before the run's first change, if the run came that far."""
         for entry in self.log.entries:
             record = entry.record
-            if isinstance(record, StateSaved) and record.device == device:
+            if isinstance(record, StateBackup) and record.device == device:
                 return SavedState(self.id, entry.at, self.directory / record.file, record.sha256)
         return None
 
@@ -181,15 +187,15 @@ class Run:
         """What is damaged in its journal, for a person; empty if nothing is."""
         return str(self.damage_error("")) if self.log.damage else ""
 
-    def damage_error(self, hint: str) -> StateDamaged:
+    def damage_error(self, hint: str) -> DamagedStateError:
         """The error for who needs what may be lost."""
-        return StateDamaged(f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}", hint=hint)
+        return DamagedStateError(f"the journal of run {self.id} is damaged: {', '.join(self.log.damage)}", hint=hint)
 
     def confirmed_state(self, device: str) -> SavedState | None:
         """The device's state as it was read back at the end of the run; None if the run did not come to that."""
         for entry in reversed(self.log.entries):
             record = entry.record
-            if isinstance(record, StateConfirmed) and record.device == device:
+            if isinstance(record, StateConfirmation) and record.device == device:
                 site = self.directory.parent.parent
                 return SavedState(self.id, entry.at, site / record.file, record.sha256)
         return None
@@ -197,17 +203,17 @@ class Run:
     @property
     def confirmed_devices(self) -> frozenset[str]:
         """Devices of which the run has kept the state that it read back."""
-        return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmed))
+        return frozenset(record.device for record in self.log.records if isinstance(record, StateConfirmation))
 
-    def acknowledged(self, device: str) -> tuple[int, ...]:
+    def acknowledged_actions(self, device: str) -> tuple[int, ...]:
         """Actions that the device says it executed."""
-        found = (record for record in self._of(device) if isinstance(record, ActionsAcknowledged))
-        return tuple(sorted({number for record in found for number in record.actions}))
+        records = (record for record in self._of(device) if isinstance(record, ActionAcknowledgement))
+        return tuple(sorted({number for record in records for number in record.actions}))
 
-    def confirmed(self, device: str) -> tuple[int, ...]:
+    def confirmed_actions(self, device: str) -> tuple[int, ...]:
         """Actions that were read back and are permanent."""
-        found = (record for record in self._of(device) if isinstance(record, ActionsConfirmed))
-        return tuple(sorted({number for record in found for number in record.actions}))
+        records = (record for record in self._of(device) if isinstance(record, ActionConfirmation))
+        return tuple(sorted({number for record in records for number in record.actions}))
 
     def _of(self, device: str) -> list[object]:
         return [record for record in self.log.records if getattr(record, "device", None) == device]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.runs.records import RunResumed, RunStarted
+    from atlantis_netcfg.runs.records import RunResume, RunStart
 
 
 RESULT = "result.json"
@@ -140,30 +140,32 @@ def _may_live(holder: LockHolder) -> bool:
     return True
 
 
-KEPT = 10
+KEPT_RUNS = 10
 """So many of the latest runs of a site are listed and searched; older ones are archived once nothing needs them."""
 _ARCHIVE = "archive"
 
 
-def unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
+def find_unfinished(runs: Sequence[Run]) -> tuple[Run, ...]:
     """Those of a site's runs, oldest first, that have left a device open which no later one has settled."""
-    found: list[Run] = []
+    unfinished_runs: list[Run] = []
     for place, run in enumerate(runs):
-        if run.unsettled and set(run.unsettled).difference(*(later.settles(run) for later in runs[place + 1 :])):
-            found.append(run)
-    return tuple(found)
+        if run.unsettled_devices and set(run.unsettled_devices).difference(
+            *(later.settles(run) for later in runs[place + 1 :])
+        ):
+            unfinished_runs.append(run)
+    return tuple(unfinished_runs)
 
 
-def _needed(run: Run, later: Iterator[Run]) -> bool:
+def _is_needed(run: Run, later: Iterator[Run]) -> bool:
     """Whether its outcome is open, or it has the latest confirmed state of a device. Few of `later` are read."""
-    still_open, states = set(run.unsettled), set(run.confirmed_devices)
+    still_open, states = set(run.unsettled_devices), set(run.confirmed_devices)
     while (still_open or states) and (newer := next(later, None)) is not None:
         still_open -= newer.settles(run)
         states -= newer.confirmed_devices
     return bool(still_open or states)
 
 
-def _listed(folder: Path) -> list[str]:
+def _list_names(folder: Path) -> list[str]:
     return sorted((path.name for path in folder.iterdir()), key=run_order) if folder.is_dir() else []
 
 
@@ -177,26 +179,26 @@ class DeviceHistory:
     _current: str
     _dead: str | None
 
-    def unfinished(self) -> bool:
+    def has_unfinished_run(self) -> bool:
         """Whether a run of this computer has left the outcome on the device open. It is dead: we hold its lock."""
-        runs = self._store.unfinished(self._site)
-        return any(self._device in run.unsettled for run in runs if run.id != self._current)
+        runs = self._store.unfinished_runs(self._site)
+        return any(self._device in run.unsettled_devices for run in runs if run.id != self._current)
 
-    def signed(self, run: str, sign: str) -> bool:
+    def can_take_over(self, run: str, sign: str) -> bool:
         """Whether a sign on the device is of a dead run that may be taken over: ours, or one that a person named."""
         if run == self._dead:
             return True
         with suppress(NoSuchRun):
-            return self._store.run(self._site, run).signed(self._device, sign)
+            return self._store.run(self._site, run).has_sign(self._device, sign)
         return False
 
 
 class Store:
     """Everything that outlives a run, for real sites or for rehearsals."""
 
-    def __init__(self, state: Path, *, rehearsed: bool = False, now: Callable[[], datetime] = utc_now) -> None:
-        self.root = state / ("rehearsal" if rehearsed else "real")
-        self.rehearsed = rehearsed
+    def __init__(self, state: Path, *, is_rehearsal: bool = False, now: Callable[[], datetime] = utc_now) -> None:
+        self.root = state / ("rehearsal" if is_rehearsal else "real")
+        self.is_rehearsal = is_rehearsal
         self._now = now
 
     @property
@@ -226,32 +228,32 @@ class Store:
 
         A rehearsal has devices of its own and needs none.
         """
-        return nullcontext() if self.rehearsed else SiteLock(self._site(site) / "lock", site, command)
+        return nullcontext() if self.is_rehearsal else SiteLock(self._site(site) / "lock", site, command)
 
-    def start(self, started: RunStarted, name: str = "") -> Journal:
+    def start(self, start_record: RunStart, name: str = "") -> Journal:
         """Open the journal of a new run, under this name if it is free. Raises JournalFailed.
 
         A run that changes devices of two sites as one has one name at both, so that it is resumed and taken back whole.
         """
-        directory = self._new(started.site, name)
+        directory = self._new(start_record.site, name)
         journal = Journal(directory, self._now)
         with os_errors_as("the journal", directory):
             sync_directory(directory)
-        journal.write(started)
-        self._archive(started.site)
+        journal.write(start_record)
+        self._archive(start_record.site)
         return journal
 
-    def resume(self, site: str, run: str, resumed: RunResumed) -> Journal:
+    def resume(self, site: str, run: str, resume_record: RunResume) -> Journal:
         """Open the journal of an old run again. Raises NoSuchRun, JournalFailed."""
         journal = Journal(self.run(site, run).directory, self._now)
-        journal.write(resumed)
+        journal.write(resume_record)
         return journal
 
     def run(self, site: str, run: str) -> Run:
         """One run by its name. Raises NoSuchRun."""
-        known = self._names(site)
-        if run not in known and run not in self.archived(site):
-            listing = ", ".join(known[-5:]) or "none yet"
+        names = self._names(site)
+        if run not in names and run not in self.archived_runs(site):
+            listing = ", ".join(names[-5:]) or "none yet"
             raise NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
         return self._load(site, run)
 
@@ -267,9 +269,9 @@ class Store:
         """The latest runs of a site and those that are still needed, oldest first; the others are archived."""
         return tuple(self._load(site, name) for name in self._names(site))
 
-    def archived(self, site: str) -> tuple[str, ...]:
+    def archived_runs(self, site: str) -> tuple[str, ...]:
         """The names of the runs that were put aside, oldest first: nothing but a person needs them."""
-        return tuple(_listed(self._site(site) / _ARCHIVE))
+        return tuple(_list_names(self._site(site) / _ARCHIVE))
 
     def last_confirmed(self, site: str, devices: Iterable[str]) -> dict[str, SavedState]:
         """The latest confirmed state of each of these devices that has one; no journal is read in vain."""
@@ -289,9 +291,9 @@ class Store:
         runs = (self._load(site, name) for name in self._names(site) if run_order(name) >= run_order(since))
         return "; ".join(run.damage for run in runs if run.damage)
 
-    def unfinished(self, site: str) -> tuple[Run, ...]:
+    def unfinished_runs(self, site: str) -> tuple[Run, ...]:
         """Runs that were killed, or left a device unknown, and that no later run has settled; oldest first."""
-        return unfinished(self.runs(site))
+        return find_unfinished(self.runs(site))
 
     def history(self, site: str, device: str, *, current: str = "", dead: str | None = None) -> DeviceHistory:
         """What earlier runs have left on a device, for the `current` one, which holds the lock of its site.
@@ -316,7 +318,7 @@ class Store:
         return self._site(site) / "runs"
 
     def _names(self, site: str) -> list[str]:
-        return _listed(self._runs(site))
+        return _list_names(self._runs(site))
 
     def _load(self, site: str, name: str) -> Run:
         """Read a run, from wherever it is: it may just have been archived."""
@@ -333,8 +335,8 @@ class Store:
         load = cache(lambda name: self._load(site, name))
         archive = self._site(site) / _ARCHIVE
         with suppress(OSError):
-            for place, name in enumerate(names[:-KEPT]):
-                if not _needed(load(name), map(load, reversed(names[place + 1 :]))):
+            for place, name in enumerate(names[:-KEPT_RUNS]):
+                if not _is_needed(load(name), map(load, reversed(names[place + 1 :]))):
                     (self._runs(site) / name).rename(make_private(archive) / name)
 
     def _new(self, site: str, name: str) -> Path:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.runs.files import StateDamaged, make_private, os_errors_as
+from atlantis_netcfg.runs.files import DamagedStateError, make_private, os_errors_as
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,7 @@ _WHAT = "the bytes of this month"
 _BOOT_SLACK = timedelta(seconds=120)
 """A device that was not restarted seems to have been started at another moment by so much: clocks are set, and an
 answer over a satellite may be 70 s old."""
-_KEPT = 13
+_KEPT_MONTHS = 13
 """Months that are kept of each bearer."""
 _GAPS = 20
 """Gaps that are kept of each month: the latest."""
@@ -99,29 +99,29 @@ class Usage:
         Raises JournalFailed if it cannot be written, StateDamaged if the file is not ours any more.
         """
         with self._writing() as bearers:
-            known = bearers.get(bearer)
-            rise, gap = _rise(known.last if known else None, counters)
-            months = dict(known.months) if known else {}
+            usage = bearers.get(bearer)
+            rise, gap = _rise(usage.last if usage else None, counters)
+            months = dict(usage.months) if usage else {}
             name = _month(counters.at)
-            since = counters.at if known is None or rise is None else min(known.last.at, counters.at)
+            since = counters.at if usage is None or rise is None else min(usage.last.at, counters.at)
             month = months.get(name, _Month(since=since))
             gaps = (*month.gaps, gap)[-_GAPS:] if gap is not None else month.gaps
             months[name] = _Month(bytes=month.bytes + (rise or 0), since=month.since, gaps=gaps)
             bearers[bearer] = _BearerUsage(
-                last=counters, months={each: months[each] for each in sorted(months)[-_KEPT:]}
+                last=counters, months={each: months[each] for each in sorted(months)[-_KEPT_MONTHS:]}
             )
         return rise
 
     def month(self, bearer: str, now: datetime) -> MonthBytes:
         """What is known of the month of `now`. Raises StateDamaged."""
-        known = self._read().get(bearer)
-        month = known.months.get(_month(now)) if known is not None else None
+        usage = self._read().get(bearer)
+        month = usage.months.get(_month(now)) if usage is not None else None
         return MonthBytes() if month is None else MonthBytes(month.bytes, month.since, month.gaps)
 
     def last(self, bearer: str) -> Counters | None:
         """The latest look. Raises StateDamaged."""
-        known = self._read().get(bearer)
-        return None if known is None else known.last
+        usage = self._read().get(bearer)
+        return None if usage is None else usage.last
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, _BearerUsage]]:
@@ -143,7 +143,7 @@ class Usage:
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, ValidationError) as error:
-            raise StateDamaged(
+            raise DamagedStateError(
                 f"{_WHAT} cannot be read: {self._path}",
                 hint="restore the file from a copy, or move it away: then the month is counted from the next look on",
             ) from error
@@ -162,14 +162,14 @@ def _rise(last: Counters | None, counters: Counters) -> tuple[int | None, str | 
         was, now = (f"{item.interface} of {item.device}" for item in (last, counters))
         return None, f"{between} the link moved from {was} to {now}: what it carried meanwhile is not counted"
     shrunk = counters.rx_bytes < last.rx_bytes or counters.tx_bytes < last.tx_bytes
-    restarted = _restarted(last, counters)
-    if restarted and (shrunk or restarted is _Restart.CERTAIN):
+    restart = _detect_restart(last, counters)
+    if restart and (shrunk or restart is _Restart.CERTAIN):
         return counters.bytes, f"{between} the router was restarted: what was carried before that is not counted"
     if shrunk:
         why = "were reset or ran over"
         return counters.bytes, f"{between} the counters {why}: what was carried before that is not counted"
     gap = "the router was restarted, or the clock of this computer was set: more may have been carried"
-    return counters.bytes - last.bytes, f"{between} {gap}" if restarted else None
+    return counters.bytes - last.bytes, f"{between} {gap}" if restart else None
 
 
 class _Restart(Enum):
@@ -177,7 +177,7 @@ class _Restart(Enum):
     POSSIBLE = auto()
 
 
-def _restarted(last: Counters, counters: Counters) -> _Restart | None:
+def _detect_restart(last: Counters, counters: Counters) -> _Restart | None:
     """Tell by the uptime; the moment of the start, which is told by our own clock too, moves when that clock is set."""
     if last.uptime_s is None or counters.uptime_s is None:
         return None

@@ -57,9 +57,9 @@ class OpenvpnClient:
 def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) -> OpenvpnClient:
     """Pure. `identity` is a file of this computer, None where it has none; it is not read here."""
     if _tunnel_address(host) is None:
-        gone = (CONF, _DROP_IN, IDENTITY)
+        absent_files = (CONF, _DROP_IN, IDENTITY)
         unit = Unit(SERVICE, enabled=False, active=False)
-        return OpenvpnClient((), Configuration(absent=gone, units=(unit,)), None)
+        return OpenvpnClient((), Configuration(absent=absent_files, units=(unit,)), None)
     runs = True if identity is not None else None
     return OpenvpnClient(
         packages=(Package("openvpn"),),

@@ -162,7 +162,7 @@ class MembershipList:
     crl_sha256: str
     """Of the list that was published last."""
     crl_next_update: datetime
-    queued: tuple[str, ...]
+    queued_names: tuple[str, ...]
     """Common names that were revoked, and of which the server has not confirmed that they are dead."""
 
     def certificates(self) -> Iterator[tuple[Member, Certificate]]:

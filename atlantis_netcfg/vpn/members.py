@@ -46,9 +46,9 @@ class OperatorContext:
     trust_clock: bool = False
     """A person has said that this computer's clock is right, although the record's last entry is later."""
 
-    def unlocked(self, passphrase: Callable[[], Secret]) -> AbstractContextManager[Signer]:
+    def unlock(self, passphrase: Callable[[], Secret]) -> AbstractContextManager[Signer]:
         """Sign, as `Authority.unlocked` has it."""
-        return self.authority.unlocked(passphrase, self.who, waiting=self.waiting, trust_clock=self.trust_clock)
+        return self.authority.unlock(passphrase, self.who, waiting=self.waiting, trust_clock=self.trust_clock)
 
 
 CONTACT = "whoever gave you this file"
@@ -80,7 +80,7 @@ class HandoutTarget:
 class HandedOut:
     """A member, its newest certificate, and the file for the person who has the device."""
 
-    issued: IssueResult
+    result: IssueResult
     file: Path
     copy: Path | None = None
     cover_note: Path | None = None
@@ -89,7 +89,7 @@ class HandedOut:
     """Opens the file; it is shown this one time only."""
 
 
-def reserved(declaration: Declaration, requests: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
+def reserved_addresses(declaration: Declaration, requests: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
     """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
 
     An address that a request names is for that member.
@@ -97,8 +97,10 @@ def reserved(declaration: Declaration, requests: Sequence[EnrolmentRequest] = ()
     pilot = declaration.pilot
     server = getattr(declaration.hosts[pilot.vpn.server].device, "vpn_address", None)
     peers = pilot.dds.peers if pilot.dds is not None else ()
-    taken = {*computers(declaration).values(), *(peer.address for peer in peers)}
-    return frozenset({*taken, *([] if server is None else [server])} - {request.address for request in requests})
+    used_addresses = {*computers(declaration).values(), *(peer.address for peer in peers)}
+    return frozenset(
+        {*used_addresses, *([] if server is None else [server])} - {request.address for request in requests}
+    )
 
 
 @dataclass(slots=True)
@@ -108,16 +110,16 @@ class Onboarding:
     declaration: Declaration
     operator: OperatorContext
     target: HandoutTarget
-    _handed: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
+    _packages: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
 
-    def finished(self, requests: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
+    def find_existing(self, requests: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
         """The members, if all of them are in the VPN just as requested: no passphrase is needed.
 
         Empty if anything is left to do. Raises NameTaken.
         """
         membership = self.operator.authority.membership()
-        found = [check_free(request.name, request.partner, request.device, membership) for request in requests]
-        pairs = [(desired, member) for desired, member in zip(requests, found, strict=True) if member is not None]
+        members = [check_free(request.name, request.partner, request.device, membership) for request in requests]
+        pairs = [(enrolment, member) for enrolment, member in zip(requests, members, strict=True) if member is not None]
         same = all(_same(request, member) for request, member in pairs)
         return tuple(self._there(member) for _, member in pairs) if same and len(pairs) == len(requests) else ()
 
@@ -131,42 +133,44 @@ class Onboarding:
 
     def issue(self, requests: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
-        kept = reserved(self.declaration, requests)
-        with self.operator.unlocked(passphrase) as signer:
-            return tuple(self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved=kept))
+        addresses = reserved_addresses(self.declaration, requests)
+        with self.operator.unlock(passphrase) as signer:
+            return tuple(
+                self._handed_out(item) for item in signer.issue(requests, self._deliver, reserved_addresses=addresses)
+            )
 
     def renew(
         self, renewals: Sequence[tuple[Member, RenewalRequest]], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
         """Give each a successor of its certificate, changed as its request says."""
-        with self.operator.unlocked(passphrase) as signer:
+        with self.operator.unlock(passphrase) as signer:
             return tuple(
                 self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
             )
 
-    def _handed_out(self, issued: IssueResult) -> HandedOut:
-        name = issued.certificate.common_name
-        return HandedOut(issued, *self._handed.get(name, (Path(issued.delivered.path), None, None, None)))
+    def _handed_out(self, result: IssueResult) -> HandedOut:
+        name = result.certificate.common_name
+        return HandedOut(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
 
     def _deliver(self, identity: Identity) -> HandoutFile:
         """Write the member's file, before the record says that it has one."""
         recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
-            delivered = self._keep(identity)
+            package_file = self._keep(identity)
             if recipient is None and self.target.copies is None:
-                return delivered
+                return package_file
         sealing = OneTimePassphrase() if recipient is None else Recipient(recipient)
-        made = handout(self.declaration, identity, sealing, contact=self.target.contact)
+        package = handout(self.declaration, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
         place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
-        write_atomically(place, made.data)
-        note, text = place.with_name(f"{common_name}.cover-note.txt"), made.cover_note.encode()
+        write_atomically(place, package.data)
+        note, text = place.with_name(f"{common_name}.cover-note.txt"), package.cover_note.encode()
         write_atomically(note, text)
-        copy = self._copied(made.file_name, made.data)
-        note = self._copied(note.name, text) or note
-        self._handed[common_name] = (place, copy, note, made.passphrase)
-        return HandoutFile(str(place), made.sha256)
+        copy = self._write_copy(package.file_name, package.data)
+        note = self._write_copy(note.name, text) or note
+        self._packages[common_name] = (place, copy, note, package.passphrase)
+        return HandoutFile(str(place), package.sha256)
 
     def _keep(self, identity: Identity) -> HandoutFile:
         """The identity of a declared computer, for the role that brings it there."""
@@ -176,7 +180,7 @@ class Onboarding:
         write_atomically(place, data)
         return HandoutFile(str(place), sha256(data).hexdigest())
 
-    def _copied(self, name: str, data: bytes) -> Path | None:
+    def _write_copy(self, name: str, data: bytes) -> Path | None:
         if self.target.copies is None:
             return None
         place = self.target.copies / name
@@ -204,20 +208,20 @@ def _same(request: EnrolmentRequest, member: Member) -> bool:
 _LONGEST = 100
 
 
-def reason_of(typed: str | None) -> str:
+def reason_of(text: str | None) -> str:
     """The reason for the record. Raises UsageError for more than a line."""
-    if typed is None:
+    if text is None:
         return "no reason given"
-    if not typed.isprintable() or len(typed) > _LONGEST:
+    if not text.isprintable() or len(text) > _LONGEST:
         raise UsageError(f"a reason is one line of {_LONGEST} characters at most", hint="as in `reason=stolen`")
-    return typed
+    return text
 
 
 def revoke(
     operator: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
 ) -> RevocationResult:
     """Record it and publish the list; nothing is asked of the server here."""
-    with operator.unlocked(passphrase) as signer:
+    with operator.unlock(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)
 
 
@@ -234,20 +238,20 @@ def existing_authority(folder: Path, declaration: Declaration) -> Authority | No
     if not Authority.exists(folder):
         return None
     authority = Authority.open(folder)
-    names, desired = authority.server(), server_names(declaration)
-    if names != desired:
+    names, declared_names = authority.server(), server_names(declaration)
+    if names != declared_names:
         raise UsageError(
             f"{folder} has an authority whose server is {_names_text(names)}, and the inventory declares "
-            f"{_names_text(desired)}",
+            f"{_names_text(declared_names)}",
             hint="if the inventory is right, `provision vpn sync --sign` makes a certificate for it; "
             "another authority has another folder: `authority=FOLDER`",
         )
     return authority
 
 
-def refuse_example_authority(declaration: Declaration, *, named: bool) -> None:
-    """Raise UsageError where example values would go into the real authority; one in a `named` folder is for trying."""
-    if declaration.pilot.example_values and not named:
+def refuse_example_authority(declaration: Declaration, *, is_explicit: bool) -> None:
+    """Raise UsageError where example values would reach the real authority; with `is_explicit` it is for trying."""
+    if declaration.pilot.example_values and not is_explicit:
         raise UsageError(
             "the inventory still holds example values, and nobody could use what is made of them",
             hint="replace them and set `example_values: false` in group_vars/all/pilot.yml, "

@@ -33,10 +33,10 @@ _NFT = """
     sport src srh state status symhash synproxy table tables tcp th time timeout tproxy true ttl type typeof udp
     udplite undefine until update used version vlan vmap vxlan wscale xt xor zone
 """
-RESERVED = frozenset(f"{_OPENVPN} {_NFT}".split())
+RESERVED_WORDS = frozenset(f"{_OPENVPN} {_NFT}".split())
 """Words that mean something else where a name is used: nft cannot tell a set called `log` from the statement."""
 
-_SHOWN = 60
+_MAX_SHOWN = 60
 _WHY = {
     "\0": "has a NUL in it: what comes after it is not read by everybody",
     "/": "has a `/` in it, which leads to another folder",
@@ -47,7 +47,7 @@ _WHY = {
 }
 
 
-class NameRefused(UsageError):
+class InvalidNameError(UsageError):
     """Not of the grammar, or a reserved word."""
 
 
@@ -58,9 +58,9 @@ class NameTaken(UsageError):
 def check_name(text: str, what: str) -> str:
     """`text`, if it may be a name; else NameRefused that says what is wrong with `what` and offers a valid name."""
     if NAME.fullmatch(text) is None:
-        raise NameRefused(f"{what} `{_shown(text)}` {_why(text)}", hint=_offer(text, what))
-    if text in RESERVED:
-        raise NameRefused(
+        raise InvalidNameError(f"{what} `{_printable(text)}` {_why(text)}", hint=_offer(text, what))
+    if text in RESERVED_WORDS:
+        raise InvalidNameError(
             f"{what} `{text}` is a reserved word of OpenVPN or nft", hint=f"{what}={text}-1, for instance"
         )
     return text
@@ -72,7 +72,7 @@ def member_name(partner: str, device: str) -> str:
     if len(name) > LONGEST:
         room = LONGEST - len(partner) - 1
         short = device[: max(room, 0)].rstrip("-")
-        raise NameRefused(
+        raise InvalidNameError(
             f"`{name}` has {len(name)} characters: partner and device have {LONGEST} together at most, with the `-`",
             hint=f"device={short}, for instance" if short else "take a shorter key for the partner",
         )
@@ -80,13 +80,13 @@ def member_name(partner: str, device: str) -> str:
 
 
 def check_free(
-    name: str, partner: str | None, device: str, membership: MembershipList, declared: Container[str] = ()
+    name: str, partner: str | None, device: str, membership: MembershipList, host_names: Container[str] = ()
 ) -> Member | None:
     """The member of that name, if it is this device; None if the name is free; else NameTaken.
 
-    `declared`: names of the declaration's hosts, which no partner's device may have.
+    `host_names`: names of the declaration's hosts, which no partner's device may have.
     """
-    if partner is not None and name in declared:
+    if partner is not None and name in host_names:
         raise NameTaken(
             f"`{name}` is the name of a declared host: device `{device}` of partner `{partner}` cannot have it",
             hint=f"device={device}-2, for instance",
@@ -103,10 +103,10 @@ def _whose(member: Member) -> str:
     return f"device `{member.device}` of partner `{member.partner}`"
 
 
-def _shown(text: str) -> str:
+def _printable(text: str) -> str:
     """As it may be printed: look-alikes and control characters are told by their numbers."""
     message = ascii(text)[1:-1]
-    return message if len(message) <= _SHOWN else f"{message[:_SHOWN]}…"
+    return message if len(message) <= _MAX_SHOWN else f"{message[:_MAX_SHOWN]}…"
 
 
 def _why(text: str) -> str:
@@ -115,7 +115,7 @@ def _why(text: str) -> str:
     if text.endswith(("\n", "\r")):
         return "has a line break at its end"
     if strange := next((letter for letter in text if not letter.isascii()), None):
-        return f"has {_called(strange)} in it: letters are a to z without accents"
+        return f"has {_letter_name(strange)} in it: letters are a to z without accents"
     for letter, why in _WHY.items():
         if letter in text:
             return why
@@ -130,11 +130,11 @@ def _why_plain(text: str) -> str:
     if any(letter.isupper() for letter in text):
         return "has capital letters: names are written small"
     if wrong := next((letter for letter in text if not (letter.isalnum() or letter == "-")), None):
-        return f"has `{_shown(wrong)}` in it: names have a to z, 0 to 9, and `-` between them"
+        return f"has `{_printable(wrong)}` in it: names have a to z, 0 to 9, and `-` between them"
     return f"has {len(text)} characters: {LONGEST} at most"
 
 
-def _called(letter: str) -> str:
+def _letter_name(letter: str) -> str:
     import unicodedata  # noqa: PLC0415 - only errors need it
 
     return unicodedata.name(letter, f"character U+{ord(letter):04X}")
@@ -146,6 +146,6 @@ def _offer(text: str, what: str) -> str:
 
     plain = unicodedata.normalize("NFKD", text[: 4 * LONGEST]).encode("ascii", "ignore").decode()
     near = re.sub(r"[^a-z0-9]+", "-", plain.lower())[:LONGEST].strip("-")
-    if near and near not in RESERVED:
+    if near and near not in RESERVED_WORDS:
         return f"{what}={near}, for instance"
     return "a name has a to z, 0 to 9 and `-` between them, like sparus2"

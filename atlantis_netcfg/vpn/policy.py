@@ -103,27 +103,27 @@ class Policy:
     permissions: tuple[Permission, ...]
 
     @cached_property
-    def admitted(self) -> Zone:
+    def member_zone(self) -> Zone:
         """Every address that may be met at the other end of the tunnel."""
         return zone_of("p_members", (network for networks in self.members.values() for network in networks))
 
     @property
     def zones(self) -> tuple[Zone, ...]:
         """Every zone that a permission names, once; the firewall has a set for each."""
-        named = (
+        named_zones = (
             zone
             for permission in self.permissions
             for zone in (permission.source, permission.destination)
             if zone is not None
         )
-        return tuple({zone.name: zone for zone in named}.values())
+        return tuple({zone.name: zone for zone in named_zones}.values())
 
     def allows(self, source: Party, destination: Party, flow: Flow) -> bool:
         """Whether the source may begin this flow, and gets its answers."""
         ends = (source.address, destination.address)
-        if not all(self._known(address) for address in ends):
+        if not all(self._is_known(address) for address in ends):
             return False
-        if not any(self.admitted.holds(address) for address in ends):
+        if not any(self.member_zone.holds(address) for address in ends):
             return True  # without the tunnel
         return any(
             permission.traffic.holds(flow)
@@ -132,8 +132,8 @@ class Policy:
             for permission in self.permissions
         )
 
-    def _known(self, address: IPv4Address) -> bool:
-        return address in self.server_addresses or self.admitted.holds(address) or self.beside.holds(address)
+    def _is_known(self, address: IPv4Address) -> bool:
+        return address in self.server_addresses or self.member_zone.holds(address) or self.beside.holds(address)
 
     def _is(self, zone: Zone | None, address: IPv4Address) -> bool:
         local = address in self.server_addresses
@@ -142,12 +142,14 @@ class Policy:
 
 def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
     """Sorted, each network once and none inside another: a set of the firewall takes no overlap."""
-    found = set(networks)
-    wide = [item for item in found if item.prefixlen < item.max_prefixlen]
+    network_set = set(networks)
+    wide = [item for item in network_set if item.prefixlen < item.max_prefixlen]
     return Zone(
         name,
         tuple(
-            sorted(network for network in found if not any(network != net and network.subnet_of(net) for net in wide))
+            sorted(
+                network for network in network_set if not any(network != net and network.subnet_of(net) for net in wide)
+            )
         ),
     )
 
@@ -157,7 +159,7 @@ def policy(declaration: Declaration, membership: MembershipList) -> Policy:
     return _PolicyDraft(declaration, membership).policy()
 
 
-_DECLARED = frozenset({MemberKind.HOST, MemberKind.ROUTER})
+_HOST_KINDS = frozenset({MemberKind.HOST, MemberKind.ROUTER})
 """Of the pilot's own members these are hosts of the declaration."""
 
 
@@ -170,11 +172,11 @@ class _PolicyDraft:
         self._sites = declaration.sites
         self._hosts = declaration.hosts
         self._all_vehicles = declaration.vehicles
-        self._members = [item for item in membership.members.values() if item.good and self._declared(item)]
+        self._members = [item for item in membership.members.values() if item.good and self._is_declared(item)]
         self._behind = {member.name: self._networks(member) for member in self._members}
 
-    def _declared(self, member: Member) -> bool:
-        if member.partner is None and member.kind in _DECLARED:
+    def _is_declared(self, member: Member) -> bool:
+        if member.partner is None and member.kind in _HOST_KINDS:
             return member.name in self._hosts
         return member.partner is None or member.partner in self._partners
 
@@ -208,8 +210,8 @@ class _PolicyDraft:
 
     def _of_hosts(self) -> Iterator[Permission]:
         local = [IPv4Network(member.address) for member in self._members if _ours(member)]
-        declared = [IPv4Network(address) for host in self._hosts.values() for address in self._in_lan(host)]
-        hosts = zone_of("p_site_hosts", (*local, *declared, *self._management()))
+        host_networks = [IPv4Network(address) for host in self._hosts.values() for address in self._in_lan(host)]
+        hosts = zone_of("p_site_hosts", (*local, *host_networks, *self._management()))
         yield Permission(hosts, hosts, ANYTHING, "our hosts and technicians")
         yield Permission(self._managers(), zone_of("p_site_lans", self._lans()), ANYTHING, "technicians to the LANs")
 
@@ -232,8 +234,8 @@ class _PolicyDraft:
             yield from self._services_for(name, zone)
             if partner.sees:
                 robots = [IPv4Network(member.address) for member in self._members if member.vehicle in partner.sees]
-                seen = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
-                yield from self._both_ways(zone, seen, f"what {name} sees")
+                visible_zone = zone_of(f"p_{name}_sees", (*robots, *self._vehicles(partner.sees)))
+                yield from self._both_ways(zone, visible_zone, f"what {name} sees")
             # In a LAN nobody proves who he is: an address there is worth less than one in the VPN.
             theirs = self._vehicles([key for key, vehicle in self._all_vehicles.items() if vehicle.partner == name])
             if theirs:
@@ -263,8 +265,8 @@ class _PolicyDraft:
             yield Permission(zone, other, traffic, why)
             yield Permission(other, zone, traffic, why)
 
-    def _among(self, name: str, chosen: Callable[[Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
-        return zone_of(name, (*(IPv4Network(member.address) for member in self._members if chosen(member)), *more))
+    def _among(self, name: str, predicate: Callable[[Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
+        return zone_of(name, (*(IPv4Network(member.address) for member in self._members if predicate(member)), *more))
 
     def _managers(self) -> Zone:
         return self._among(
@@ -284,14 +286,14 @@ class _PolicyDraft:
 
     def _vehicles(self, keys: Collection[str]) -> tuple[IPv4Network, ...]:
         """Of vehicles: their reserved addresses in the LANs."""
-        found = (row for site in self._sites.values() for row in site.lan.reservations if row.name in keys)
-        return tuple(IPv4Network(row.address) for row in found)
+        reservations = (row for site in self._sites.values() for row in site.lan.reservations if row.name in keys)
+        return tuple(IPv4Network(row.address) for row in reservations)
 
     def _speaking(self, name: str, kind: type[ControlCentre | Gateway]) -> Zone:
         """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
         lan = self._pilot.dds is not None and self._pilot.dds.over is DdsPath.LAN
-        found = (host for host in self._hosts.values() if isinstance(host.device, kind))
-        return zone_of(name, (IPv4Network(address) for host in found for address in _addresses(host, lan=lan)))
+        dds_hosts = (host for host in self._hosts.values() if isinstance(host.device, kind))
+        return zone_of(name, (IPv4Network(address) for host in dds_hosts for address in _addresses(host, lan=lan)))
 
     def _serving(self, host: str) -> Zone | None:
         """Where a computer of ours is reached; None: it is the server itself."""
@@ -324,7 +326,7 @@ def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
 
 TABLE = "p_atlantis_vpn"
 """Of family inet."""
-ADMITTED = "p_members"
+MEMBERS_SET = "p_members"
 """The set without which nothing passes: an element that is taken out of it has no traffic from then on."""
 _PING = "icmp type { echo-request, echo-reply }"
 _ANSWER = "ct state established ct direction reply"

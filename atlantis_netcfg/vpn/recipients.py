@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.vpn.pki import check_recipient
-from atlantis_netcfg.vpn.requests import RequestRefused, shown
+from atlantis_netcfg.vpn.requests import InvalidRequest, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -19,11 +19,11 @@ _LONGEST = 20_000
 _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 
-def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
+def recipients_of(device_requests: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
     """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
     result: dict[str, str] = {}
     errors: list[UsageError] = []
-    for item, name in zip(requested, names, strict=True):
+    for item, name in zip(device_requests, names, strict=True):
         if item.recipient is None:
             continue
         try:
@@ -31,18 +31,18 @@ def recipients_of(requested: Iterable[DeviceWords], names: Iterable[str]) -> Map
         except UsageError as error:
             errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
     if errors:
-        raise RequestRefused(errors)
+        raise InvalidRequest(errors)
     return result
 
 
-def recipient_of(typed: str) -> str:
+def recipient_of(argument: str) -> str:
     """A public key, checked. Raises UsageError for what is none, and for a private key, which was sent by mistake."""
-    _refuse_private(typed)
-    text = typed if typed.startswith(("age1", "ssh-")) else _in_file(typed)
+    _refuse_private(argument)
+    text = argument if argument.startswith(("age1", "ssh-")) else _in_file(argument)
     _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
-        raise UsageError(f"there are {len(lines)} keys in {shown(typed)}", hint="one file, one public key")
+        raise UsageError(f"there are {len(lines)} keys in {quote(argument)}", hint="one file, one public key")
     check_recipient(lines[0])
     return lines[0]
 
@@ -55,11 +55,11 @@ def _refuse_private(text: str) -> None:
         )
 
 
-def _in_file(typed: str) -> str:
+def _in_file(argument: str) -> str:
     hint = "an age key begins with age1; or name a file that holds one, or an SSH public key"
     try:
-        with Path(typed).open(encoding="utf-8") as file:
+        with Path(argument).open(encoding="utf-8") as file:
             return file.read(_LONGEST)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or "it is no text"
-        raise UsageError(f"no key to seal to: {shown(typed)} cannot be read: {why}", hint=hint) from error
+        raise UsageError(f"no key to seal to: {quote(argument)} cannot be read: {why}", hint=hint) from error

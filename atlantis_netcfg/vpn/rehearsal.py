@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
 from atlantis_netcfg.inventory.model import Router, SiteComputer
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
@@ -38,13 +38,13 @@ def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.T
     kind = KeyType.RSA if router else KeyType.EC
     now, key = datetime.now(UTC), pki.new_key(kind)
     ca = pki.new_ca("rehearsal", now)
-    made = pki.new_client(ca, key.public_key(), host.name, pki.new_serial(), _DAYS, now)
+    client_certificate = pki.new_client(ca, key.public_key(), host.name, pki.new_serial(), _DAYS, now)
     certificate = Certificate(
         common_name=host.name,
-        serial=made.serial_number,
-        sha256=pki.sha256(made),
-        not_before=made.not_valid_before_utc,
-        not_after=made.not_valid_after_utc,
+        serial=client_certificate.serial_number,
+        sha256=pki.sha256(client_certificate),
+        not_before=client_certificate.not_valid_before_utc,
+        not_after=client_certificate.not_valid_after_utc,
         wrap=wrap,
         key=kind,
         standing=CertificateStatus.ISSUED,
@@ -61,7 +61,9 @@ def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.T
     )
     is_shared = wrap is Wrap.TLS_CRYPT
     wrap_key = pki.shared_key() if is_shared else pki.client_key(pki.server_key(), f"cn={host.name}".encode())
-    return Identity(member, certificate, pki.cert_pem(ca.certificate), pki.cert_pem(made), pki.key_pem(key), wrap_key)
+    return Identity(
+        member, certificate, pki.cert_pem(ca.certificate), pki.cert_pem(client_certificate), pki.key_pem(key), wrap_key
+    )
 
 
 @contextmanager
@@ -69,7 +71,7 @@ def vpn_server(identity: Identity) -> Iterator[int]:
     """A real OpenVPN without a tunnel on the loopback, with the shared key of that identity; gives its port."""
     program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
     if program is None:
-        raise NothingMatched("not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn")
+        raise NoMatchError("not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port: int = free.getsockname()[1]

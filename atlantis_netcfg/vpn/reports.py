@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError, nearest
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
+from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
-from atlantis_netcfg.vpn.ledger import LedgerDamaged
+from atlantis_netcfg.vpn.ledger import CorruptLedgerError
 
 if TYPE_CHECKING:
     from atlantis_netcfg.vpn.authority.authority import Authority
@@ -26,9 +26,9 @@ _PERIODS = {"d": 1, "w": 7}
 
 def find(membership: MembershipList, name: str) -> Member:
     """The member of that name; a common name stands for its member. Raises UsageError with the near miss."""
-    for typed in (name, name.partition(".")[0]):
-        if typed in membership.members:
-            return membership.members[typed]
+    for member_name in (name, name.partition(".")[0]):
+        if member_name in membership.members:
+            return membership.members[member_name]
     near = nearest(name, membership.members)
     hint = f"did you mean `name={near}`?" if near else "`provision vpn list` lists them all"
     raise UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
@@ -37,14 +37,14 @@ def find(membership: MembershipList, name: str) -> Member:
 def of_partner(membership: MembershipList, partner: str | None) -> tuple[Member, ...]:
     """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
     if not membership.members:
-        raise NothingMatched("the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one")
+        raise NoMatchError("the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one")
     if partner is None:
         return tuple(membership.members.values())
     result = tuple(member for member in membership.members.values() if member.partner == partner)
     if not result:
-        known = sorted({member.partner for member in membership.members.values() if member.partner is not None})
-        near = nearest(partner, known)
-        hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(known) or 'nobody'}"
+        partners = sorted({member.partner for member in membership.members.values() if member.partner is not None})
+        near = nearest(partner, partners)
+        hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(partners) or 'nobody'}"
         raise UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
     return result
 
@@ -129,15 +129,17 @@ class Audit:
     @property
     def words(self) -> tuple[str, ...]:
         """What was checked and found to agree, and what was not checked."""
-        found = self.agreement
-        if found is None or found.at is None or self.broken:
+        agreement = self.agreement
+        if agreement is None or agreement.at is None or self.broken:
             return ()
-        later = found.lines - found.signed
-        signed = f"the first {found.signed} are as the CA key signed them on {found.at:%Y-%m-%d %H:%M} UTC"
+        later = agreement.lines - agreement.signed_lines
+        signature_text = (
+            f"the first {agreement.signed_lines} are as the CA key signed them on {agreement.at:%Y-%m-%d %H:%M} UTC"
+        )
         return (
-            f"{found.lines} entries in all: {signed}",
-            f"the certificates and revocation list {found.number} agree with them",
-            *([f"entries after line {found.signed} are chained to them, and not signed"] if later else []),
+            f"{agreement.lines} entries in all: {signature_text}",
+            f"the certificates and revocation list {agreement.number} agree with them",
+            *([f"entries after line {agreement.signed_lines} are chained to them, and not signed"] if later else []),
             "whether this is the newest copy is not checked here: `provision vpn status` asks the server",
         )
 
@@ -145,20 +147,22 @@ class Audit:
 def audit(authority: Authority, since: datetime | None, partner: str | None) -> Audit:
     """Read the record, and compare it. Of a damaged one no entry is told as true."""
     try:
-        found = authority.agreement()
+        agreement = authority.agreement()
         entries = authority.history()
         names = None if partner is None else {member.name for member in of_partner(authority.membership(), partner)}
-    except LedgerDamaged as error:
+    except CorruptLedgerError as error:
         return Audit((), None, (error,))
-    requested = tuple(
+    selected_entries = tuple(
         entry
         for entry in entries
-        if (since is None or entry.at >= since) and (names is None or names & _concerned(entry.facts()))
+        if (since is None or entry.at >= since) and (names is None or names & _affected_members(entry.facts()))
     )
     return Audit(
-        requested,
-        found,
-        tuple(AuthorityDamaged(each, hint=_SIGN if each == NONE_SIGNED else _COMPARE) for each in found.problems),
+        selected_entries,
+        agreement,
+        tuple(
+            CorruptAuthorityError(each, hint=_SIGN if each == NONE_SIGNED else _COMPARE) for each in agreement.problems
+        ),
     )
 
 
@@ -166,12 +170,12 @@ _SIGN = "if nobody is missing in `provision vpn list`: `provision vpn sync --sig
 _COMPARE = "sign nothing; put the folder of the last backup beside this one, and compare them"
 
 
-def _concerned(result: object) -> set[str]:
+def _affected_members(result: object) -> set[str]:
     """Every member that an entry names, whatever its kind: a common name stands for its member."""
     if isinstance(result, dict):
-        return {name for value in result.values() for name in _concerned(value)}
+        return {name for value in result.values() for name in _affected_members(value)}
     if isinstance(result, list | tuple):
-        return {name for value in result for name in _concerned(value)}
+        return {name for value in result for name in _affected_members(value)}
     return {result.partition(".")[0]} if isinstance(result, str) else set()
 
 

@@ -33,7 +33,7 @@ _MOST_DAYS = 1825
 """Of a member's certificate: it must end well before the authority does."""
 
 
-class RequestRefused(UsageError):
+class InvalidRequest(UsageError):
     """Several errors in a request; `errors` has them all. Nothing was opened and nothing was written."""
 
     def __init__(self, errors: Sequence[NetcfgError]) -> None:
@@ -51,7 +51,7 @@ class RequestCheck:
     def close(self) -> None:
         """Raise what is wrong: UsageError, Refused where it is more than one thing."""
         if len(self.errors) > 1:
-            raise RequestRefused(self.errors)
+            raise InvalidRequest(self.errors)
         if self.errors:
             raise self.errors[0]
 
@@ -59,7 +59,7 @@ class RequestCheck:
         """Add an error, and what to type instead."""
         self.errors.append(UsageError(message, hint=hint))
 
-    def checked(self, check: Callable[[], str]) -> str | None:
+    def run_check(self, check: Callable[[], str]) -> str | None:
         """The result of `check`; None if it refuses: the error is kept."""
         try:
             return check()
@@ -67,33 +67,33 @@ class RequestCheck:
             self.errors.append(error)
             return None
 
-    def choice(self, word: str, known: Sequence[_Word]) -> _Word | None:
-        """The value of `known` that was typed; None if the word is missing, or unknown: then the error is kept."""
-        typed = self.words[word]
-        if typed is None:
+    def choice(self, word: str, choices: Sequence[_Word]) -> _Word | None:
+        """The value of `choices` that was typed; None if the word is missing, or unknown: then the error is kept."""
+        value = self.words[word]
+        if value is None:
             return None
-        for item in known:
-            if item.value == typed:
+        for item in choices:
+            if item.value == value:
                 return item
-        near = None if typed[:1].isdecimal() else nearest(typed, known)  # another version is not what was meant
-        hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(known)}"
-        self.wrong(f"`{word}=`: {shown(typed)} is not known", hint)
+        near = None if value[:1].isdecimal() else nearest(value, choices)  # another version is not what was meant
+        hint = f"did you mean `{word}={near}`?" if near else f"it takes one of: {', '.join(choices)}"
+        self.wrong(f"`{word}=`: {quote(value)} is not known", hint)
         return None
 
     def days(self) -> int | None:
         """The validity that was typed, in days."""
-        typed = self.words["days"]
-        if typed is None:
+        value = self.words["days"]
+        if value is None:
             return None
-        if re.fullmatch(r"[0-9]{1,5}", typed) is None or not 1 <= int(typed) <= _MOST_DAYS:
-            self.wrong(f"`days=`: {shown(typed)} is no number from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
+        if re.fullmatch(r"[0-9]{1,5}", value) is None or not 1 <= int(value) <= _MOST_DAYS:
+            self.wrong(f"`days=`: {quote(value)} is no number from 1 to {_MOST_DAYS}", f"as in `days={CLIENT_DAYS}`")
             return None
-        return int(typed)
+        return int(value)
 
 
-def shown(typed: str) -> str:
+def quote(value: str) -> str:
     """The typed text in quotes, escaped and cut, so that it cannot harm a terminal."""
-    text = ascii(typed)[1:-1]
+    text = ascii(value)[1:-1]
     return f"`{text[:60]}…`" if len(text) > 60 else f"`{text}`"  # noqa: PLR2004 - of a line
 
 
@@ -102,10 +102,10 @@ def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentR
     for word in ("partner", "device", "kind", "vehicle", "address", "system", "distribution", "openvpn"):
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
-    host = _declared(declaration, check)
+    host = _find_declared_host(declaration, check)
     link, wrap = check.choice("link", list(MemberLink)), check.choice("wrap", list(Wrap))
     key, days = check.choice("key", list(KeyType)), check.days()
-    if host is None or check.checked(lambda: names.check_name(host.name, "host")) is None:
+    if host is None or check.run_check(lambda: names.check_name(host.name, "host")) is None:
         return None
     router = isinstance(host.device, Router)
     return EnrolmentRequest(
@@ -121,24 +121,26 @@ def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentR
     )
 
 
-def _declared(declaration: Declaration, check: RequestCheck) -> Host | None:
-    typed, inside = str(check.words["host"]), computers(declaration)
-    if typed in inside:
-        return declaration.hosts[typed]
+def _find_declared_host(declaration: Declaration, check: RequestCheck) -> Host | None:
+    host_name, inside = str(check.words["host"]), computers(declaration)
+    if host_name in inside:
+        return declaration.hosts[host_name]
     there = f"those in the VPN: {', '.join(inside)}"
-    if typed in declaration.hosts:
-        check.wrong(f"`{typed}` is no client of the VPN: it has no tunnel address, or it is the server", there)
+    if host_name in declaration.hosts:
+        check.wrong(f"`{host_name}` is no client of the VPN: it has no tunnel address, or it is the server", there)
         return None
-    near = nearest(typed, inside)
-    check.wrong(f"there is no host {shown(typed)} in the inventory", f"did you mean `host={near}`?" if near else there)
+    near = nearest(host_name, inside)
+    check.wrong(
+        f"there is no host {quote(host_name)} in the inventory", f"did you mean `host={near}`?" if near else there
+    )
     return None
 
 
 def computers(declaration: Declaration) -> dict[str, IPv4Address]:
     """The declared computers that are clients of the server, with their tunnel addresses."""
-    found = {name: _tunnel_address(host) for name, host in declaration.hosts.items()}
+    address_by_name = {name: _tunnel_address(host) for name, host in declaration.hosts.items()}
     server = declaration.pilot.vpn.server
-    return {name: address for name, address in found.items() if address is not None and name != server}
+    return {name: address for name, address in address_by_name.items() if address is not None and name != server}
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:
@@ -186,17 +188,17 @@ def days_left(declaration: Declaration, guest: Guest, now: datetime) -> int:
     return (end - now).days
 
 
-def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None, typed: int | None) -> int:
+def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None, days: int | None) -> int:
     """How long the certificate is good: of a guest no longer than it is here."""
-    found = declaration.vehicles.get(vehicle or "")
-    if not isinstance(found, Guest):
-        return typed or CLIENT_DAYS
-    most = days_left(declaration, found, datetime.now(UTC))
+    guest = declaration.vehicles.get(vehicle or "")
+    if not isinstance(guest, Guest):
+        return days or CLIENT_DAYS
+    most = days_left(declaration, guest, datetime.now(UTC))
     if most < 1:
-        check.wrong(f"the guest `{vehicle}` was here until {found.until}", "write a later day at `until:`, or end it")
-    elif typed is not None and typed > most:
-        check.wrong(f"`days={typed}`: the guest `{vehicle}` is here until {found.until}", f"as in `days={most}`")
-    return max(1, min(typed or CLIENT_DAYS, most))
+        check.wrong(f"the guest `{vehicle}` was here until {guest.until}", "write a later day at `until:`, or end it")
+    elif days is not None and days > most:
+        check.wrong(f"`days={days}`: the guest `{vehicle}` is here until {guest.until}", f"as in `days={most}`")
+    return max(1, min(days or CLIENT_DAYS, most))
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,12 +227,12 @@ def _wrap(
     declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: MemberKind, vehicle: str | None
 ) -> Wrap:
     """The key that the device's OpenVPN can read. What contradicts that, or the declared vehicle, is wrong."""
-    declared = declaration.vehicles[vehicle] if vehicle is not None else None
+    declared_vehicle = declaration.vehicles[vehicle] if vehicle is not None else None
     for word in ("distribution", "openvpn"):
-        typed, known = getattr(client, word), getattr(declared, word, None)
-        if None not in (typed, known) and typed != known:
+        value, declared_value = getattr(client, word), getattr(declared_vehicle, word, None)
+        if None not in (value, declared_value) and value != declared_value:
             check.wrong(
-                f"`{word}={typed}`: the vehicle `{vehicle}` is declared with `{word}: {known}`",
+                f"`{word}={value}`: the vehicle `{vehicle}` is declared with `{word}: {declared_value}`",
                 f"leave `{word}=` out, or correct vehicles.yml",
             )
     version = systems.openvpn(declaration, kind, vehicle, version=client.openvpn, release=client.distribution)
@@ -249,24 +251,24 @@ def _wrap(
 
 
 def _partner(declaration: Declaration, check: RequestCheck) -> str | None:
-    typed, known = check.words["partner"], declaration.partners
-    if typed is None:
+    partner, partners = check.words["partner"], declaration.partners
+    if partner is None:
         check.wrong("`partner=` is missing: whose device it is", "add it, or name a declared computer by `host=`")
-    elif typed not in known:
-        near = nearest(typed, known)
-        hint = f"did you mean `partner={near}`?" if near else f"the partners are: {', '.join(known)}"
-        check.wrong(f"there is no partner {shown(typed)} in the inventory", hint)
+    elif partner not in partners:
+        near = nearest(partner, partners)
+        hint = f"did you mean `partner={near}`?" if near else f"the partners are: {', '.join(partners)}"
+        check.wrong(f"there is no partner {quote(partner)} in the inventory", hint)
     else:
-        return typed
+        return partner
     return None
 
 
 def _device(check: RequestCheck) -> str | None:
-    typed = check.words["device"]
-    if typed is None:
+    value = check.words["device"]
+    if value is None:
         check.wrong("`device=` is missing: what the device is called", "add it, as in `device=sparus2`")
         return None
-    return check.checked(lambda: names.check_name(typed, "device"))
+    return check.run_check(lambda: names.check_name(value, "device"))
 
 
 def _kind(check: RequestCheck) -> MemberKind | None:
@@ -281,38 +283,38 @@ def _key(check: RequestCheck, kind: MemberKind | None) -> KeyType:
 
 
 def _member(declaration: Declaration, check: RequestCheck, partner: str, device: str) -> str | None:
-    name = check.checked(lambda: names.member_name(partner, device))
+    name = check.run_check(lambda: names.member_name(partner, device))
     if name in declaration.hosts:
         check.wrong(f"`{name}` is a declared computer", f"another name for the device, or `host={name}`")
     return name
 
 
 def _vehicle(declaration: Declaration, check: RequestCheck, partner: str, device: str, kind: MemberKind) -> str | None:
-    typed = check.words["vehicle"]
+    value = check.words["vehicle"]
     if kind is not MemberKind.ROBOT:
-        if typed is not None:
+        if value is not None:
             check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
         return None
-    found = _named(declaration, device if typed is None else typed)
-    if found is None:
-        if typed is not None:
-            near = nearest(typed, declaration.vehicles)
-            known = f"the vehicles are: {', '.join(declaration.vehicles)}"
-            check.wrong(f"there is no vehicle {shown(typed)}", f"did you mean `vehicle={near}`?" if near else known)
+    key = _find_vehicle(declaration, device if value is None else value)
+    if key is None:
+        if value is not None:
+            near = nearest(value, declaration.vehicles)
+            choices = f"the vehicles are: {', '.join(declaration.vehicles)}"
+            check.wrong(f"there is no vehicle {quote(value)}", f"did you mean `vehicle={near}`?" if near else choices)
         return None
-    owner = declaration.vehicles[found].partner
+    owner = declaration.vehicles[key].partner
     if owner not in {None, partner}:
         check.wrong(
-            f"the vehicle `{found}` is `{owner}`'s, and not `{partner}`'s",
+            f"the vehicle `{key}` is `{owner}`'s, and not `{partner}`'s",
             f"type `partner={owner}`, or correct vehicles.yml",
         )
-    return found
+    return key
 
 
-def _named(declaration: Declaration, typed: str) -> str | None:
+def _find_vehicle(declaration: Declaration, name: str) -> str | None:
     """The key of the vehicle that is called so: by its key, or by another name; neither case nor spaces count."""
     for key, vehicle in declaration.vehicles.items():
-        if _plain(typed) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
+        if _plain(name) in {_plain(key), *(_plain(alias) for alias in vehicle.aliases)}:
             return key
     return None
 
@@ -322,14 +324,14 @@ def _plain(name: str) -> str:
 
 
 def _address(declaration: Declaration, check: RequestCheck, partner: str) -> IPv4Address | None:
-    typed, pool = check.words["address"], declaration.partners[partner].vpn_pool
-    if typed is None:
+    value, pool = check.words["address"], declaration.partners[partner].vpn_pool
+    if value is None:
         return None
     hint = f"one of {pool}, or leave `address=` out"
     try:
-        address = IPv4Address(typed)
+        address = IPv4Address(value)
     except ValueError:
-        check.wrong(f"{shown(typed)} is no IPv4 address", hint)
+        check.wrong(f"{quote(value)} is no IPv4 address", hint)
         return None
     if address not in pool:
         check.wrong(f"{address} is not in the pool of `{partner}`", hint)
@@ -364,29 +366,31 @@ KEYS = tuple(field.name for field in fields(DeviceWords) if field.name != "place
 """What a record of a file may hold; the words of the command are the same."""
 
 
-def requests_of(declaration: Declaration, requested: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
+def requests_of(declaration: Declaration, device_requests: Iterable[DeviceWords]) -> tuple[EnrolmentRequest, ...]:
     """The requests, in the order in which they were typed. Raises Refused with all errors."""
     requests: list[EnrolmentRequest] = []
     errors: list[NetcfgError] = []
-    seen: dict[str, DeviceWords] = {}
-    for item in requested:
+    first_by_name: dict[str, DeviceWords] = {}
+    for item in device_requests:
         try:
             request = request_of(declaration, item)
         except UsageError as error:
-            errors += [_placed(item, each) for each in getattr(error, "errors", (error,))]
+            errors += [_with_place(item, each) for each in getattr(error, "errors", (error,))]
             continue
         requests.append(request)
-        if request.name in seen:
+        if request.name in first_by_name:
             errors.append(
-                _placed(item, UsageError(f"`{request.name}` is there twice, first in {seen[request.name].place}"))
+                _with_place(
+                    item, UsageError(f"`{request.name}` is there twice, first in {first_by_name[request.name].place}")
+                )
             )
-        seen.setdefault(request.name, item)
+        first_by_name.setdefault(request.name, item)
     if errors:
-        raise RequestRefused(errors)
+        raise InvalidRequest(errors)
     return tuple(requests)
 
 
-def _placed(item: DeviceWords, error: NetcfgError) -> NetcfgError:
+def _with_place(item: DeviceWords, error: NetcfgError) -> NetcfgError:
     return UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error
 
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Session, SessionLost
+from atlantis_netcfg.routeros.api import Command, CommandError, Endpoint, Reply, Session, SessionLost
 from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 PEM, PROFILE = "atlantis-vpn.pem", "atlantis-vpn.ovpn"
 """Files on the router, for seconds."""
 _MENU, _CERTIFICATES = "/interface/ovpn-client", "/certificate"
-_IMPORTED = "ovpn-import"
+_IMPORT_PREFIX = "ovpn-import"
 """What an import calls its interface, before the second in which it was made (seen in others' exports)."""
 _TRIES, _PAUSE_S = 15, 1.0
 """An import goes on in the background of a real router: others' scripts wait five seconds for it."""
@@ -49,7 +49,7 @@ class RouterObservation:
     """The row of this identity's certificate, if its key is there, too."""
     authority: bool
     """Whether the authority's certificate is there."""
-    named: Mapping[str, str] | None
+    conflict: Mapping[str, str] | None
     """Another certificate under the declared name."""
     stale: tuple[str, ...]
     """Ids of interfaces that a cut run of ours has left."""
@@ -70,7 +70,7 @@ class RouterImport:
     tunnel: routeros.Tunnel
     identity: Identity
     profile: Secret
-    rehearsed: bool
+    is_rehearsal: bool
     notify: Subscriber
 
     @property
@@ -91,24 +91,24 @@ class RouterImport:
         """Do what a look has found missing; returns what it was. Raises DeviceFailed, OutcomeUnknown."""
         session = await Session.open(self.endpoint)
         try:
-            seen = await self._look(session)
-            if seen.by_tunnel:
-                raise DeviceFailed(
+            observation = await self._look(session)
+            if observation.by_tunnel:
+                raise DeviceError(
                     f"you come to {self.name} through {self.tunnel.name}, which would go down with your session",
                     hint="work at the site, on the management port: the old certificate is good until the new one is",
                 )
             try:
-                await self._import(session, seen)
+                await self._import(session, observation)
             except SessionLost as lost:
                 raise OutcomeUnknown(
                     f"{self.name} was lost while its tunnel was imported: {lost}",
                     hint="type the same again: it goes on from there, and removes files that were left",
                 ) from lost
-            left = (await self._look(session)).changes
-            if left:
-                raise OutcomeUnknown(f"{self.name} does not hold what was imported: {'; '.join(left)}")
+            remaining_changes = (await self._look(session)).changes
+            if remaining_changes:
+                raise OutcomeUnknown(f"{self.name} does not hold what was imported: {'; '.join(remaining_changes)}")
             self._say(Stage.CONFIRMED, f"{self.tunnel.name} is imported")
-            return seen
+            return observation
         finally:
             await session.close()
 
@@ -126,37 +126,38 @@ class RouterImport:
         )
         resource, *others = await session.flight(reads)
         self._check_version(resource)
-        interfaces, certificates, files, routes, active, clock = (reply.checked().rows for reply in others)
+        interfaces, certificates, files, routes, active, clock = (reply.check().rows for reply in others)
         interface = next((row for row in interfaces if row.get("name") == self.tunnel.name), None)
-        found = {row.get("fingerprint", "").lower(): row for row in certificates}
-        certificate = found.get(self.identity.certificate.sha256)
+        row_by_fingerprint = {row.get("fingerprint", "").lower(): row for row in certificates}
+        certificate = row_by_fingerprint.get(self.identity.certificate.sha256)
         if certificate is not None and certificate.get("private-key") not in {"true", "yes"}:
             certificate = None
-        named = next((row for row in certificates if row.get("name") == self.tunnel.certificate), None)
-        if named is not None and certificate is not None and named.get(".id") == certificate.get(".id"):
-            named = None
+        conflict = next((row for row in certificates if row.get("name") == self.tunnel.certificate), None)
+        if conflict is not None and certificate is not None and conflict.get(".id") == certificate.get(".id"):
+            conflict = None
         stale = tuple(row[".id"] for row in interfaces if self._left_by_us(row))
         there = tuple(row["name"] for row in files)
         changes = tuple(self._changes(interface, certificate, stale, there))
-        replaced = interface is not None and not self._holds(interface)
+        is_replacement = interface is not None and not self._holds(interface)
         return RouterObservation(
             interface=interface,
             certificate=certificate,
-            authority=_authority(self.identity) in found,
-            named=named,
+            authority=_authority(self.identity) in row_by_fingerprint,
+            conflict=conflict,
             stale=stale,
             files=there,
             changes=changes,
-            notes=((_REPLACED.format(site=self.site),) if replaced else ()) + tuple(self._wrong_clock(clock)),
-            by_tunnel=replaced and self._comes_by(routes, active),
+            notes=((_REPLACEMENT_NOTE.format(site=self.site),) if is_replacement else ())
+            + tuple(self._wrong_clock(clock)),
+            by_tunnel=is_replacement and self._comes_by(routes, active),
         )
 
     def _check_version(self, resource: Reply) -> None:
-        about = next(iter(resource.checked().rows), {})
+        about = next(iter(resource.check().rows), {})
         try:
             version = Version.parse(about.get("version", ""))
         except ValueError:
-            raise DeviceFailed(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
+            raise DeviceError(f"{self.name} names no version of RouterOS: {about.get('version', '')!r}") from None
         upgrade = f"`provision upgrade site={self.site} device={self.name} packages=FILE.npk`"
         routeros.check_version(version, where=self.name, upgrade=upgrade)
 
@@ -164,7 +165,7 @@ class RouterImport:
         """No tunnel comes up before the certificate's first day; a rehearsal's clock stands where it likes."""
         today = next((row.get("date", "") for row in clock), "")
         first, last = (f"{day:%Y-%m-%d}" for day in (self.identity.certificate.not_before, self._until))
-        if _DATE.fullmatch(today) and not self.rehearsed and not first <= today <= last:
+        if _DATE.fullmatch(today) and not self.is_rehearsal and not first <= today <= last:
             yield f"its clock says {today}: the tunnel comes up when it is right, see `/system ntp client print`"
 
     @property
@@ -174,7 +175,7 @@ class RouterImport:
     def _left_by_us(self, row: Mapping[str, str]) -> bool:
         """An imported interface that was never named: with our server and our user it is of no other use."""
         ours = (row.get("connect-to"), row.get("user")) == (self.tunnel.connect_to, self.tunnel.user)
-        return ours and row.get("name", "").startswith(_IMPORTED)
+        return ours and row.get("name", "").startswith(_IMPORT_PREFIX)
 
     def _holds(self, row: Mapping[str, str]) -> bool:
         return row.get("mac-address", "").upper() == self.mark
@@ -188,11 +189,11 @@ class RouterImport:
     ) -> Iterator[str]:
         yield from (f"file {name} removed, which an earlier run has left" for name in files)
         yield from ("interface of an earlier run removed" for _ in stale)
-        declared, until = self.tunnel.certificate, f"{self._until:%Y-%m-%d}"
+        certificate_name, until = self.tunnel.certificate, f"{self._until:%Y-%m-%d}"
         if certificate is None:
-            yield f"certificate {declared} imported, good until {until}"
-        elif certificate.get("name") != declared:
-            yield f"certificate {certificate.get('name')} called {declared}"
+            yield f"certificate {certificate_name} imported, good until {until}"
+        elif certificate.get("name") != certificate_name:
+            yield f"certificate {certificate.get('name')} called {certificate_name}"
         if interface is None:
             yield f"interface {self.tunnel.name} imported"
         elif not self._holds(interface):
@@ -210,34 +211,34 @@ class RouterImport:
 
     # --- doing -----------------------------------------------------------------------------------------------------
 
-    async def _import(self, session: Session, seen: RouterObservation) -> None:
-        for name in seen.files:
+    async def _import(self, session: Session, observation: RouterObservation) -> None:
+        for name in observation.files:
             await _do(session, "/file/remove", numbers=name)
-        for number in seen.stale:
+        for number in observation.stale:
             await _do(session, f"{_MENU}/remove", **{".id": number})
-        certificate = seen.certificate
+        certificate = observation.certificate
         if certificate is None:
-            certificate = await self._import_certificate(session, seen)
-        if seen.interface is not None and self._holds(seen.interface):
-            number = seen.interface[".id"]
+            certificate = await self._import_certificate(session, observation)
+        if observation.interface is not None and self._holds(observation.interface):
+            number = observation.interface[".id"]
         else:
             number = await self._import_interface(session)
-            if seen.interface is not None:
-                await _do(session, f"{_MENU}/remove", **{".id": seen.interface[".id"]})
-        desired = {**self.tunnel.values(), "certificate": certificate["name"], "mac-address": self.mark}
-        await _do(session, f"{_MENU}/set", **{".id": number}, **desired, password=self.tunnel.password.reveal())
-        await self._name(session, seen, certificate)
+            if observation.interface is not None:
+                await _do(session, f"{_MENU}/remove", **{".id": observation.interface[".id"]})
+        properties = {**self.tunnel.values(), "certificate": certificate["name"], "mac-address": self.mark}
+        await _do(session, f"{_MENU}/set", **{".id": number}, **properties, password=self.tunnel.password.reveal())
+        await self._name(session, observation, certificate)
 
-    async def _import_certificate(self, session: Session, seen: RouterObservation) -> Mapping[str, str]:
+    async def _import_certificate(self, session: Session, observation: RouterObservation) -> Mapping[str, str]:
         self._say(Stage.APPLYING, f"certificate {self.tunnel.certificate}")
-        authority = "" if seen.authority else self.identity.ca
+        authority = "" if observation.authority else self.identity.ca
         text = f"{self.identity.cert}{self.identity.key.reveal()}{authority}"
         async with self._file(session, PEM, text):
             name = f"{self.tunnel.certificate}-new"
             await _do(session, f"{_CERTIFICATES}/import", **{"file-name": PEM, "passphrase": "", "name": name})
         result = (await self._look(session)).certificate
         if result is None:
-            raise DeviceFailed(f"{self.name} does not show the certificate that it has imported")
+            raise DeviceError(f"{self.name} does not show the certificate that it has imported")
         return result
 
     async def _import_interface(self, session: Session) -> str:
@@ -255,17 +256,17 @@ class RouterImport:
                 if stale:
                     return stale[-1]
                 await asyncio.sleep(_PAUSE_S)
-        raise DeviceFailed(
+        raise DeviceError(
             f"{self.name} has imported the configuration, and shows no interface of it",
             hint='on the router: `/log print where topics~"ovpn"`',
         )
 
-    async def _name(self, session: Session, seen: RouterObservation, certificate: Mapping[str, str]) -> None:
+    async def _name(self, session: Session, observation: RouterObservation, certificate: Mapping[str, str]) -> None:
         """Let the certificate have the declared name; the one before goes, with its key."""
         if certificate["name"] == self.tunnel.certificate:
             return
-        if seen.named is not None:
-            old = seen.named[".id"]
+        if observation.conflict is not None:
+            old = observation.conflict[".id"]
             await _do(session, f"{_CERTIFICATES}/set", **{".id": old, "name": f"{self.tunnel.certificate}-old"})
             await _do(session, f"{_CERTIFICATES}/remove", **{".id": old})
         arguments = {".id": certificate[".id"], "name": self.tunnel.certificate}
@@ -287,21 +288,21 @@ class RouterImport:
             try:
                 async with await Session.open(self.endpoint) as again:
                     await again.command(Command("/file/remove", (("numbers", name),)))
-            except DeviceFailed:
+            except DeviceError:
                 return  # the loss itself is what is told; the next run finds the file
 
     def _say(self, stage: Stage, message: str) -> None:
         self.notify(Event(self.name, stage, message))
 
 
-_REPLACED = (
+_REPLACEMENT_NOTE = (
     "rows that named the former interface (lists, routes) have lost it: type `provision site={site}` when this is done"
 )
 
 
 def _plain(row: Mapping[str, str], name: str) -> str:
-    found = row.get(name, "")
-    return _SAME.get(found, found)
+    value = row.get(name, "")
+    return _SAME.get(value, value)
 
 
 def _authority(identity: Identity) -> str:
@@ -313,9 +314,9 @@ def _authority(identity: Identity) -> str:
 async def _do(session: Session, path: str, **arguments: str) -> None:
     """One command; a refusal is told in the router's words."""
     try:
-        (await session.command(Command(path, tuple(arguments.items())))).checked()
-    except Refused as refused:
-        raise DeviceFailed(
+        (await session.command(Command(path, tuple(arguments.items())))).check()
+    except CommandError as refused:
+        raise DeviceError(
             str(refused), hint="nothing of a key is left on it in a file; type the same again when the reason is gone"
         ) from refused
 

@@ -11,7 +11,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Transport
@@ -41,7 +41,7 @@ _AUTH = "sha256"
 """tls-crypt wants it, and from 7.17 on a GCM cipher may have it."""
 
 
-class RouterTooOld(DeviceFailed):
+class RouterTooOld(DeviceError):
     """A RouterOS that cannot be a member; nothing was changed on it."""
 
 
@@ -92,7 +92,7 @@ def check_version(version: Version, *, where: str = "the router", upgrade: str =
             )
 
 
-def declared(declaration: Declaration, host: Host) -> Tunnel | None:
+def find_tunnel(declaration: Declaration, host: Host) -> Tunnel | None:
     """The tunnel of a router of ours; None where it is not the site's end of the VPN."""
     tunnel = router_view(declaration, host).tunnel
     if tunnel is None:

@@ -30,7 +30,7 @@ FOLDER = "/etc/openvpn/atlantis"
 CONF = "/etc/openvpn/server/atlantis.conf"
 SERVICE = "openvpn-server@atlantis.service"
 FIREWALL = "/etc/atlantis/vpn.nft"
-SEEN = "/var/lib/atlantis/vpn/seen.json"
+SEEN_FILE = "/var/lib/atlantis/vpn/seen.json"
 """`{"format": 1, "seen": {common name: {"last": seconds since 1970, "real": address:port, "address": …}}}`."""
 
 FLOOR: Mapping[str, Any] = {
@@ -53,7 +53,7 @@ _SEEN_SERVICE = "atlantis-vpn-seen.service"
 _GUARD = f"{_UNITS}/atlantis-vpn-guard.service"
 _UPGRADES = "/etc/apt/apt.conf.d/60-atlantis-upgrades"
 """After Debian's and Ubuntu's own, which choose the security updates and nothing else."""
-_UPGRADED = f"{_UNITS}/apt-daily-upgrade.service.d/atlantis-vpn.conf"
+_UPGRADE_DROP_IN = f"{_UNITS}/apt-daily-upgrade.service.d/atlantis-vpn.conf"
 _UPGRADE_TIMERS = ("apt-daily.timer", "apt-daily-upgrade.timer")
 """The first fetches the lists, the second installs."""
 _SEEN_PROGRAM = "/usr/local/lib/atlantis/vpn_seen.py"
@@ -93,7 +93,7 @@ def system_files() -> Iterator[File]:
     yield File(_SEEN_PROGRAM, program, mode="0755")
     yield File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
     yield File(_UPGRADES, _render("apt-upgrades.conf.j2"))
-    yield File(_UPGRADED, _render("upgraded.conf.j2", service=SERVICE))
+    yield File(_UPGRADE_DROP_IN, _render("upgraded.conf.j2", service=SERVICE))
     yield File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
     yield File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
     yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
@@ -103,8 +103,8 @@ def system_units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
     """The firewall before the tunnel, which a change of `keys` or of the configuration starts anew, and no other."""
     firewall = Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
     tunnel = Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
-    seen = Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
-    return firewall, tunnel, seen, *(Unit(name, enabled=True, active=True) for name in _UPGRADE_TIMERS)
+    seen_timer = Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
+    return firewall, tunnel, seen_timer, *(Unit(name, enabled=True, active=True) for name in _UPGRADE_TIMERS)
 
 
 def _render(template: str, **values: object) -> str:
@@ -144,7 +144,7 @@ _SECRETS = {
 """Path on the server, and in the folder of the authority."""
 
 _LIST = f"{FOLDER}/crl.pem"
-_SIGNED = """\
+_SIGNATURE_CHECK = """\
 ca=$2
 ours() { echo "$ca" | openssl crl -in "$1" -CAfile /dev/stdin -verify -noout 2>&1; }
 number() { told=$(openssl crl -in "$1" -crlnumber -noout 2>/dev/null) && told=${told#*=} && echo $((0x${told#0x})); }
@@ -221,14 +221,14 @@ def live_files(declaration: Declaration, membership: MembershipList, crl: bytes,
 
     With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
     """
-    signed = ("sh", "-c", _SIGNED, "sh", "%s", ca, _LIST) if ca else ()
+    validation = ("sh", "-c", _SIGNATURE_CHECK, "sh", "%s", ca, _LIST) if ca else ()
     return (
         *(
             File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
             for member, certificate in sorted(membership.certificates(), key=lambda pair: pair[1].common_name)
             if certificate.good
         ),
-        File(_LIST, crl.decode("ascii"), validate=signed, hint=_FOREIGN if ca else ""),
+        File(_LIST, crl.decode("ascii"), validate=validation, hint=_FOREIGN if ca else ""),
         File(FIREWALL, firewall(declaration, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
 
@@ -251,7 +251,9 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "netmask": vpn.network.netmask,
         "folder": FOLDER,
         "routes": tuple(network for name in declaration.hosts for network in _behind(declaration, name)),
-        "ciphers": ":".join(sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _declared(vpn.cipher))),
+        "ciphers": ":".join(
+            sorted(_CIPHERS, key=lambda cipher: cipher.replace("-", "") != _normalize_cipher(vpn.cipher))
+        ),
         "force_cookie": vpn.force_cookie,
         "max_clients": vpn.max_clients,
         "new_clients_per_10_s": vpn.new_clients_per_10_s,
@@ -303,7 +305,7 @@ def tunnel_address(declaration: Declaration, host: Host) -> IPv4Address:
     return address
 
 
-def _declared(cipher: str) -> str:
+def _normalize_cipher(cipher: str) -> str:
     return cipher.replace("-", "").upper()
 
 

@@ -32,12 +32,12 @@ def system_of(member: Member) -> ClientSystem | None:
 
 
 def distribution(
-    declaration: Declaration, vehicle: str | None, typed: RosDistribution | None = None
+    declaration: Declaration, vehicle: str | None, onboarding_release: RosDistribution | None = None
 ) -> RosDistribution | None:
     """The release of ROS 2 on a device: the vehicle's, else what was typed at onboarding, else the pilot's."""
-    declared = declaration.vehicles.get(vehicle or "")
+    vehicle_config = declaration.vehicles.get(vehicle or "")
     pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
-    return (declared.distribution if declared is not None else None) or typed or pilot
+    return (vehicle_config.distribution if vehicle_config is not None else None) or onboarding_release or pilot
 
 
 def openvpn(
@@ -55,16 +55,16 @@ def openvpn(
     """
     if kind is not MemberKind.ROBOT:
         return version or (UBUNTU[release][1] if release is not None else None)
-    declared = declaration.vehicles.get(vehicle or "")
-    if declared is not None and declared.openvpn is not None:
-        return declared.openvpn
+    vehicle_config = declaration.vehicles.get(vehicle or "")
+    if vehicle_config is not None and vehicle_config.openvpn is not None:
+        return vehicle_config.openvpn
     if version is not None:
         return version
-    chosen = (declared.distribution if declared is not None else None) or release
-    if chosen is None and declaration.pilot.vpn.robot_openvpn is not None:
+    chosen_release = (vehicle_config.distribution if vehicle_config is not None else None) or release
+    if chosen_release is None and declaration.pilot.vpn.robot_openvpn is not None:
         return declaration.pilot.vpn.robot_openvpn
-    shipped = chosen or distribution(declaration, vehicle)
-    return UBUNTU[shipped][1] if shipped is not None else None
+    effective_release = chosen_release or distribution(declaration, vehicle)
+    return UBUNTU[effective_release][1] if effective_release is not None else None
 
 
 _WITH_COOKIES = frozenset({OpenVpnVersion.V2_6, OpenVpnVersion.V2_7})

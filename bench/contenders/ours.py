@@ -29,7 +29,7 @@ class Ours:
     def command(self, job: Job) -> Command:
         """Run the real command where the router stands at its declared address, else what that command runs."""
         state = job.folder / "state"
-        Store(state, rehearsed=not job.real).pins.pin(ROUTER, job.pin)
+        Store(state, is_rehearsal=not job.real).pins.pin(ROUTER, job.pin)
         environment = {
             "ATLANTIS_STATE": str(state),
             "ANSIBLE_VAULT_PASSWORD_FILE": str(job.declared.vault_password),

@@ -16,7 +16,7 @@ from random import Random
 from typing import Any
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros import TwinRefused
+from atlantis_netcfg.emulator.routeros import ControlError
 from campaign import advice
 from campaign.command import ORPHAN_S, PYTHON, SILENCE_S, Command, Ended, end, living
 from campaign.commands import AFTER_S, AGREED, CHANGING, COMMANDS, SITE, CommandKind
@@ -494,7 +494,7 @@ class Trap:
             self.sprung = True
         try:
             FAULTS[self.fault.name](self.struck)
-        except (TwinRefused, OSError, subprocess.CalledProcessError) as error:
+        except (ControlError, OSError, subprocess.CalledProcessError) as error:
             self.error = str(error)
 
 

@@ -19,10 +19,10 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import (
     Cell,
-    Judged,
     Listen,
     Place,
     Probe,
+    ProbeResult,
     Rows,
     Transcript,
     Trouble,
@@ -45,7 +45,7 @@ SEEDS, SAMPLE = 25, 2
 TRUE_SEEDS, TRUE_SAMPLE = 200, 12
 
 
-def gps(heard: Stream, driver: GpsDriver) -> Judged:
+def gps(heard: Stream, driver: GpsDriver) -> ProbeResult:
     fence = Geofence(latitude=heard.place[0], longitude=heard.place[1], radius_m=heard.radius_m)
     wanted = GpsExpectation("Sparus", driver, "a source", "an end", "this computer", fence, three=heard.flies)
     return StreamGps(wanted, Place.LAPTOP, address="127.0.0.1", port=1).judge({"positions": transcript(heard)})
@@ -56,14 +56,14 @@ def transcript(heard: Stream) -> Transcript:
     return Transcript(trouble, heard.words, heard.chunks, heard.began, heard.ended_s)
 
 
-def routeros(ridden: Ride) -> Judged:
+def routeros(ridden: Ride) -> ProbeResult:
     fence = Geofence(latitude=ridden.place[0], longitude=ridden.place[1], radius_m=ridden.radius_m)
     wanted = GpsExpectation("Site", GpsDriver.ROUTEROS, "GPS of r", "r", "r", fence, three=ridden.flies)
     heard = ridden.began + (ridden.ended_s or ridden.epochs[-1].at_s) + 0.3
     answers = {
-        "monitor": Rows(None, rows=(positions.row(ridden),), heard=heard),
-        "settings": Rows(None, rows=({"enabled": "true"},), heard=heard),
-        "clock": Rows(None, rows=({"gmt-offset": "+00:00"},), heard=heard),
+        "monitor": Rows(None, rows=(positions.row(ridden),), response_time=heard),
+        "settings": Rows(None, rows=({"enabled": "true"},), response_time=heard),
+        "clock": Rows(None, rows=({"gmt-offset": "+00:00"},), response_time=heard),
     }
     return RouterosGps(wanted, "r").judge(answers)
 
@@ -85,28 +85,28 @@ def of_modem(column: str, language: str) -> Probe:
     return probe
 
 
-def judged_modem(column: str, heard: Stream, language: str) -> Judged:
+def judged_modem(column: str, heard: Stream, language: str) -> ProbeResult:
     probe = of_modem(column, language)
     (question,) = probe.asks()
     assert isinstance(question, Listen)
     return probe.judge({question.name: transcript(heard)})
 
 
-def nmea_lie(lie: str, rng: Random) -> Judged | None:
+def nmea_lie(lie: str, rng: Random) -> ProbeResult | None:
     needs, tell = positions.RIDES[lie]
     styles = sorted(name for name, (_, told) in positions.STYLES.items() if needs <= told)
     ridden = tell(rng, positions.ride(rng, rng.choice(styles)))
     return gps(positions.stream(ridden), rng.choice((GpsDriver.NMEA_TCP, GpsDriver.NMEA_SERIAL)))
 
 
-def gpsd_lie(lie: str, rng: Random) -> Judged | None:
+def gpsd_lie(lie: str, rng: Random) -> ProbeResult | None:
     needs, tell = positions.RIDES[lie]
     if not needs <= positions.GPSD_TELLS:
         return None
     return gps(positions.stream(tell(rng, positions.ride(rng, rng.choice(positions.VERSIONS)))), GpsDriver.GPSD)
 
 
-def routeros_lie(lie: str, rng: Random) -> Judged | None:
+def routeros_lie(lie: str, rng: Random) -> ProbeResult | None:
     needs, tell = positions.RIDES[lie]
     true = positions.ride(rng, "u-blox")
     if lie in positions.NO_STREAM or not needs <= positions.ROUTEROS_TELLS:
@@ -116,7 +116,7 @@ def routeros_lie(lie: str, rng: Random) -> Judged | None:
     return None if told == (positions.row(true), true.flies) else routeros(ridden)
 
 
-def stream_lie(lie: str, rng: Random) -> Judged | None:
+def stream_lie(lie: str, rng: Random) -> ProbeResult | None:
     if rng.random() < 0.5:
         heard = positions.stream(positions.ride(rng, rng.choice(sorted(positions.STYLES))))
         return gps(positions.STREAMS[lie](rng, heard), GpsDriver.NMEA_TCP)
@@ -124,10 +124,10 @@ def stream_lie(lie: str, rng: Random) -> Judged | None:
     return gps(positions.STREAMS[lie](rng, heard), GpsDriver.GPSD)
 
 
-def modem_lie(column: str, language: str) -> Callable[[str, Random], Judged | None]:
+def modem_lie(column: str, language: str) -> Callable[[str, Random], ProbeResult | None]:
     lies = positions.FIXES if column == "usbl" else positions.STATES
 
-    def lie_of(lie: str, rng: Random) -> Judged | None:
+    def lie_of(lie: str, rng: Random) -> ProbeResult | None:
         languages, tell = lies[lie]
         if language not in languages:
             return None
@@ -136,14 +136,14 @@ def modem_lie(column: str, language: str) -> Callable[[str, Random], Judged | No
     return lie_of
 
 
-def modem_stream_lie(lie: str, rng: Random) -> Judged:
+def modem_stream_lie(lie: str, rng: Random) -> ProbeResult:
     """What is no modem at all, or says one thing only."""
     column, language = rng.choice(("acoustic", "usbl")), rng.choice(sorted(ROWS))
     heard = positions.STREAMS[lie](rng, positions.spoken(positions.modem(rng, language, 1, 2)))
     return judged_modem(column, heard, language)
 
 
-LIARS: Mapping[str, tuple[Mapping[str, object], Callable[[str, Random], Judged | None]]] = {
+LIARS: Mapping[str, tuple[Mapping[str, object], Callable[[str, Random], ProbeResult | None]]] = {
     "nmea": (positions.RIDES, nmea_lie),
     "gpsd": (positions.RIDES, gpsd_lie),
     "routeros": (positions.RIDES, routeros_lie),
@@ -157,7 +157,7 @@ LIARS: Mapping[str, tuple[Mapping[str, object], Callable[[str, Random], Judged |
 LIES = [(liar, lie) for liar, (lies, _) in LIARS.items() for lie in lies]
 
 
-def told(found: Judged) -> str:
+def told(found: ProbeResult) -> str:
     return ", ".join(f"{one.verdict} {one.code}" for one in found.findings)
 
 
@@ -188,7 +188,7 @@ def test_there_are_enough_of_them() -> None:
     assert sum(played.values()) > 2000
 
 
-TRUTHS: Mapping[str, Callable[[Random], Judged]] = {
+TRUTHS: Mapping[str, Callable[[Random], ProbeResult]] = {
     **{
         f"nmea: {style}": lambda rng, style=style: gps(  # type: ignore[misc]
             positions.stream(positions.ride(rng, style)), GpsDriver.NMEA_TCP

@@ -16,8 +16,8 @@ from own_world import NETPLAN, World, own_steps
 
 from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
-from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _registered
-from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
+from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _check_registration
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, StickMovementProbe
 from atlantis_netcfg.checklist.probes.satellite import _there
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, RegisteredProbe
 from atlantis_netcfg.core.events import Verdict
@@ -61,11 +61,11 @@ def plain(answer: probes.Answer) -> Told:
                 "out": answer.out,
                 "rc": answer.rc,
                 "began": answer.began,
-                "asked": answer.asked,
-                "heard": answer.heard,
+                "asked": answer.request_time,
+                "heard": answer.response_time,
             }
         case probes.Rows():
-            return {"rows": answer.rows, "asked": answer.asked, "heard": answer.heard}
+            return {"rows": answer.rows, "asked": answer.request_time, "heard": answer.response_time}
         case probes.LinkStatusResult():
             return {"bearer": copy.deepcopy(dict(answer.bearer or {}))}
         case probes.DhcpOffers():
@@ -80,7 +80,9 @@ def plain(answer: probes.Answer) -> Told:
 
 def spoken(told: Told) -> probes.Answer:
     trouble = probes.Trouble(told["trouble"]) if "trouble" in told else None
-    stamps = {name: told[name] for name in ("asked", "heard") if name in told}
+    stamps = {
+        field: told[name] for name, field in (("asked", "request_time"), ("heard", "response_time")) if name in told
+    }
     if "bearer" in told:
         return probes.LinkStatusResult(trouble, "", None if trouble else told["bearer"])
     if "offers" in told:
@@ -110,7 +112,7 @@ def healthy(name: str) -> tuple[probes.Probe, dict[str, Told]]:
     return step.probe, {question.name: plain(world.ask(question)) for question in step.probe.asks()}
 
 
-def judged(probe: probes.Probe, told: Mapping[str, Told]) -> probes.Judged:
+def judged(probe: probes.Probe, told: Mapping[str, Told]) -> probes.ProbeResult:
     return probe.judge({name: spoken(one) for name, one in told.items()})
 
 
@@ -700,7 +702,7 @@ SEEN: Mapping[str, tuple[probes.Probe, Callable[[Random], dict[str, Told]], Mapp
         REGISTRATION,
     ),
     "wifi bridge": (BearerProbe("wifi-ptp"), link("wifi_ptp"), UP),
-    "4G": (BearerProbe("4g", _registered), link("lte"), UP),
+    "4G": (BearerProbe("4g", _check_registration), link("lte"), UP),
     "satellite": (BearerProbe("satellite", _there), link("satellite"), TERMINAL),
 }
 
@@ -716,10 +718,10 @@ def heard(frames: list[Frame]) -> probes.Transcript:
     return probes.Transcript(None, "", chunks, senders.BEGAN, ended_s, tuple(who for _, who, _ in frames))
 
 
-def remote(name: str, frames: list[Frame]) -> probes.Judged:
+def remote(name: str, frames: list[Frame]) -> probes.ProbeResult:
     if name == "rc":
         return RcHeard(STORK, probes.Place.GATEWAY).judge({"stream": heard(frames)})
-    return SticksMoved(STORK, probes.Place.GATEWAY).judge({"sticks": heard(frames)})
+    return StickMovementProbe(STORK, probes.Place.GATEWAY).judge({"sticks": heard(frames)})
 
 
 def rc_lies(name: str) -> dict[str, Callable[[Random], list[Frame]]]:
@@ -731,7 +733,7 @@ def rc_lies(name: str) -> dict[str, Callable[[Random], list[Frame]]]:
 # All of them.
 
 
-def played(probe: str, lie: str, seed: int) -> probes.Judged:
+def played(probe: str, lie: str, seed: int) -> probes.ProbeResult:
     random = Random(f"{probe}/{lie}/{seed}")  # noqa: S311 - to be played again
     if probe in {"rc", "sticks"}:
         return remote(probe, rc_lies(probe)[lie](random))

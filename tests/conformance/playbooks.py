@@ -64,7 +64,7 @@ def _task(menu: str, rows: Sequence[Mapping[str, str | None]]) -> dict[str, Any]
     if known is not None and known.shape is Shape.LIST and menu in desired.read(text()).entire:
         arguments["handle_absent_entries"] = "remove"
         arguments["handle_entries_content"] = "remove_as_much_as_possible"
-        arguments["ensure_order"] = known.ordered
+        arguments["ensure_order"] = known.is_ordered
     return {"name": path_of(menu), "community.routeros.api_modify": arguments}
 
 

@@ -78,7 +78,7 @@ class Stand:
             "site": "coastal",
             "address": spec.management.local,
             "endpoint": endpoint,
-            "desired": desired.read(text()),
+            "desired_state": desired.read(text()),
             "ssh": SshEndpoint(
                 "127.0.0.1", self.ready["ssh"], user.name, Secret(user.password), self.ready["host_key"]
             ),

@@ -26,7 +26,7 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.links.qualify.samples import ReplyReceived, Sample
+from atlantis_netcfg.links.qualify.samples import ReplySample, Sample
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan
 from atlantis_netcfg.links.qualify.transport import UdpTransport
 
@@ -36,7 +36,7 @@ CLIENT = "scapy_stamp.py"
 HOST = "127.0.0.1"
 STAMP = ntp(1_790_000_000_250_000_000)
 SECONDS = 1_790_000_000.25 + 2_208_988_800
-ERROR = error_estimate(0.001, synchronised=True)
+ERROR = error_estimate(0.001, is_synced=True)
 
 
 def _free_port() -> int:
@@ -112,7 +112,7 @@ def test_it_is_the_far_end_of_our_sender(tmp_path: Path) -> None:
     assert figures.loss.received == 46
     assert figures.rtt is not None
     assert 0 < figures.rtt.min < 1
-    numbers = [sample.reflector_sequence for sample in samples if isinstance(sample, ReplyReceived)]
+    numbers = [sample.reflector_sequence for sample in samples if isinstance(sample, ReplySample)]
     first = numbers[0]
     assert numbers == [n for n in range(first, first + 47) if n - first != 24], "it numbers what it answers"
     assert told == [first + 47]
@@ -121,7 +121,7 @@ def test_it_is_the_far_end_of_our_sender(tmp_path: Path) -> None:
 def _until_it_listens(transport: UdpTransport) -> None:
     end = time.monotonic() + 40
     while time.monotonic() < end:
-        packet = SenderPacket(1000, ntp(transport.unix_ns()), 1, 9, padding(48, authenticated=False))
+        packet = SenderPacket(1000, ntp(transport.unix_ns()), 1, 9, padding(48, is_authenticated=False))
         transport.send(packet.encode())
         if transport.receive(transport.now_ns() + 200_000_000) is not None:
             while transport.receive(transport.now_ns() + 100_000_000) is not None:

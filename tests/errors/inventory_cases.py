@@ -14,7 +14,7 @@ from typing import TypedDict
 
 import yaml
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.inventory import load as loaded
 from atlantis_netcfg.inventory import report, validate
 from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings
@@ -100,7 +100,7 @@ def told() -> str:
         findings = validate(Path("inventory"), decrypt=opened)
         warnings = () if findings else inventory_warnings(loaded(Path("inventory"), decrypt=opened))
         return (report(findings) if findings else report(warnings, warnings=True)) + "\n"
-    except NothingMatched as error:
+    except NoMatchError as error:
         return f"{error}\n  -> {error.hint}\n"
 
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
+    NeighbourPing,
     NeighbourRoute,
-    Pinged,
     judge_ping,
     neighbour_request,
     own_address,
@@ -28,16 +28,16 @@ from atlantis_netcfg.checklist.probes.step import (
     PLACES,
     Answer,
     Cell,
-    Judged,
     Place,
+    ProbeResult,
     Question,
     RouterOsQuery,
     Rows,
     Step,
+    no_answer_finding,
     not_run,
     read,
     rows_of,
-    unasked,
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
@@ -53,7 +53,7 @@ _COUNTERS = ("name", "default-name", "running", "disabled", "rx-error", "tx-erro
 _TRUE = frozenset({"true", "yes"})
 _SLOW = frozenset({"10Mbps"})
 """What a cable with a broken pair, or an end set by hand, falls back to."""
-_SHOWN = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames received broken"))
+_PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "frames received broken"))
 _MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
 
 
@@ -65,26 +65,26 @@ def port_requests(router: str, port: str) -> tuple[RouterOsQuery, ...]:
     )
 
 
-def judge_port(router: str, port: str, results: Mapping[str, Answer]) -> Judged:
+def judge_port(router: str, port: str, results: Mapping[str, Answer]) -> ProbeResult:
     """Judge the port; a menu that the router does not have is left out."""
     answers = [results.get(name) for name in ("monitor", "interfaces")]
     if all(not isinstance(answer, Rows) or answer.trouble is not None for answer in answers):
-        return Judged((unasked(router, answers[0]),))
+        return ProbeResult((no_answer_finding(router, answers[0]),))
     monitor, interfaces = (rows_of(result) for result in answers)
-    counted = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
+    interface = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
     socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
-    if (socket or {}).get("name", port) != port or (counted or {}).get("default-name", port) != port:
-        called = f"is called {socket['name']} there" if socket is not None else "is another socket there"
-        message = f"port {port} of {router} {called}, so that what is told under that name is not about it"
+    if (socket or {}).get("name", port) != port or (interface or {}).get("default-name", port) != port:
+        problem = f"is called {socket['name']} there" if socket is not None else "is another socket there"
+        message = f"port {port} of {router} {problem}, so that what is told under that name is not about it"
         hint = "run the site, which gives ports their names back"
-        return Judged((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
-    if interfaces is not None and counted is None:
+        return ProbeResult((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
+    if interfaces is not None and interface is None:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
-        return Judged((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
+        return ProbeResult((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
-    values = {**(counted or {}), **(local[0] if local else {})}
-    return Judged(tuple(_findings(router, port, values)), _evidence(router, port, values))
+    values = {**(interface or {}), **(local[0] if local else {})}
+    return ProbeResult(tuple(_findings(router, port, values)), _evidence(router, port, values))
 
 
 def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
@@ -124,7 +124,7 @@ def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Bear
 
 def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[Evidence, ...]:
     where = f"at port {port} of {router}"
-    return tuple(read(f"{words} {where}", values[name]) for name, words in (*_SHOWN, *_MORE) if values.get(name))
+    return tuple(read(f"{words} {where}", values[name]) for name, words in (*_PORT_VALUES, *_MORE) if values.get(name))
 
 
 FAIL_LOSS_PERCENT = 10.0
@@ -158,32 +158,34 @@ class CabledProbe:
         way, ping = route_request(self.place, self.address), ping_request(self.place, self.address)
         return (way, ping, neighbour_request(self.place, self.address), *ports)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the port, the ping and the card, in this order: a port without a link explains the rest."""
         port = self.endpoint.router_port
-        seen = Judged(()) if self.router is None or port is None else judge_port(self.router, port, results)
-        reached = self._reached(results)
-        return Judged((*seen.findings, *reached.findings), (*reached.evidence, *seen.evidence))
+        port_result = ProbeResult(()) if self.router is None or port is None else judge_port(self.router, port, results)
+        ping_result = self._judge_reachability(results)
+        return ProbeResult(
+            (*port_result.findings, *ping_result.findings), (*ping_result.evidence, *port_result.evidence)
+        )
 
-    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
         if self.address is None:
             message = f"no address of {self.name} is known here: it was not asked whether it answers"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
-            return Judged((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
-            return Judged(local)
-        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        pinged = judge_ping(expected, results.get("ping"))
+            return ProbeResult(local)
+        target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        ping_result = judge_ping(target, results.get("ping"))
         card = read_neighbour(results.get("neigh"), self.address)
-        shown = () if way is None else (read(f"way from {PLACES[self.place]}", way.interface),)
-        known = () if card is None else (read(f"network card that answers for {self.address}", card),)
-        whose = tuple(self._cards(card, way)) if pinged.verdict in {Verdict.PASS, Verdict.WARN} else ()
-        return Judged((*pinged.findings, *whose), (*pinged.evidence, *shown, *known))
+        route_evidence = () if way is None else (read(f"way from {PLACES[self.place]}", way.interface),)
+        card_evidence = () if card is None else (read(f"network card that answers for {self.address}", card),)
+        whose = tuple(self._cards(card, way)) if ping_result.verdict in {Verdict.PASS, Verdict.WARN} else ()
+        return ProbeResult((*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence))
 
     def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
         """Say whose card has answered; on the segment somebody has, and behind a router nobody can see it."""

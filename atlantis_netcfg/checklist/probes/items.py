@@ -17,12 +17,12 @@ from atlantis_netcfg.checklist.probes.step import (
     Cell,
     CommandResult,
     EvidenceRequest,
-    Judged,
     Place,
+    ProbeResult,
     Question,
     RunProgram,
     Step,
-    declared,
+    declared_evidence,
     not_run,
     read,
 )
@@ -45,7 +45,7 @@ _LONGEST = 200
 
 def items_of(cell: Cell) -> Iterator[CheckItem]:
     """What is declared for a row: a vehicle's own first, then what the site asks, then what the mission asks."""
-    settings = cell.declared.checklist
+    settings = cell.site_config.checklist
     if cell.vehicle is not None:
         yield from cell.declaration.vehicles[cell.vehicle].checklist.items
     lists = (settings.items, *(mission.items for mission in settings.missions if mission.name == cell.mission))
@@ -90,25 +90,29 @@ class ExpectedLine:
         """Run it."""
         return (RunProgram("output", self.place, tuple(self.command.split())),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Look for the line; a program that has failed is never green, whatever it printed."""
         ran = results["output"]
         program, where = self.command.partition(" ")[0], PLACES[self.place]
         not_there = tuple(not_run(self.place, program, ran))
-        evidence = (declared(f"line expected from `{self.command}` on {where}", self.expect),)
+        evidence = (declared_evidence(f"line expected from `{self.command}` on {where}", self.expect),)
         if not_there or not isinstance(ran, CommandResult):
-            return Judged(not_there, evidence)
+            return ProbeResult(not_there, evidence)
         every = [line.strip() for line in ran.out.splitlines() if line.strip()]
         pattern = re.compile(".*".join(map(re.escape, self.expect.strip().split("*"))))
         line = next((line for line in every if pattern.fullmatch(line)), None)
         if line is None:
-            return Judged((self._other(where, ran),), (*evidence, *self._shown(nearest(self.expect, every))))
+            return ProbeResult(
+                (self._other(where, ran),), (*evidence, *self._line_evidence(nearest(self.expect, every)))
+            )
         if ran.rc != 0:
-            return Judged((self._ended(where, ran),), (*evidence, *self._shown(line)))
+            return ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
         message = f"`{self.command}` prints on {where} what is declared"
-        return Judged((BearerFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._shown(line)))
+        return ProbeResult(
+            (BearerFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
+        )
 
-    def _shown(self, line: str | None) -> tuple[Evidence, ...]:
+    def _line_evidence(self, line: str | None) -> tuple[Evidence, ...]:
         if line is None or self.command.startswith("cat "):
             return ()
         return (read(f"line of `{self.command}`", line[:_LONGEST]),)
@@ -120,6 +124,6 @@ class ExpectedLine:
         hint = f"type `{self.command}` on {where} and look; mend it, or correct `expect:` of the item"
         return BearerFinding(Verdict.FAIL, "line-missing", message, hint)
 
-    def _ended(self, where: str, ran: CommandResult) -> BearerFinding:
+    def _exit_finding(self, where: str, ran: CommandResult) -> BearerFinding:
         message = f"`{self.command}` prints on {where} what is declared, but it ended with {ran.rc}"
         return BearerFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")

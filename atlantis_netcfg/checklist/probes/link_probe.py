@@ -15,7 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.step import Judged, LinkStatusRequest, LinkStatusResult, Step, read, unasked
+from atlantis_netcfg.checklist.probes.step import (
+    LinkStatusRequest,
+    LinkStatusResult,
+    ProbeResult,
+    Step,
+    no_answer_finding,
+    read,
+)
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Bearer, Column
@@ -39,7 +46,7 @@ def bearers(cell: Cell, column: str) -> tuple[Bearer, ...]:
     """Give the links of a column that the row has: a location has those of its site, a vehicle none."""
     if cell.vehicle is not None:
         return ()
-    return tuple(bearer for bearer in cell.declared.bearers if bearer.kind.traits.column == column)
+    return tuple(bearer for bearer in cell.site_config.bearers if bearer.kind.traits.column == column)
 
 
 def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
@@ -77,16 +84,16 @@ class BearerProbe:
         """One look at the site's links serves all who ask."""
         return (LinkStatusRequest("look", self.bearer),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Take over what was found of the link."""
         answer = results.get("look")
         if not isinstance(answer, LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
-            return Judged((unasked(f"the boxes of {self.bearer}", answer),))
+            return ProbeResult((no_answer_finding(f"the boxes of {self.bearer}", answer),))
         values = answer.bearer
-        found = tuple(_findings(values))
+        findings = tuple(_findings(values))
         finding = self.good(values)
-        return Judged(
-            (*((finding,) if finding is not None else ()), *found) or (_unseen(self.bearer),), _evidence(values)
+        return ProbeResult(
+            (*((finding,) if finding is not None else ()), *findings) or (_unseen(self.bearer),), _evidence(values)
         )
 
 
@@ -125,23 +132,26 @@ def _findings(values: Mapping[str, Any]) -> Iterator[BearerFinding]:
 def _evidence(values: Mapping[str, Any]) -> tuple[Evidence, ...]:
     quality = (values.get("quality") or {}).items()
     of = f"of {values['box']}" if values.get("box") else "of the link"
-    shown = [
-        read(f"{name} {of}", value, unit) for key, value in quality if value is not None for name, unit in [_named(key)]
+    readings = [
+        read(f"{name} {of}", value, unit)
+        for key, value in quality
+        if value is not None
+        for name, unit in [_split_name(key)]
     ]
-    return (read(f"state {of}", values.get("state", "unknown")), *shown)
+    return (read(f"state {of}", values.get("state", "unknown")), *readings)
 
 
-def _named(key: str) -> tuple[str, str]:
+def _split_name(key: str) -> tuple[str, str]:
     """Take a reading's name apart: `tx_rate_mbps` is a `tx rate` in Mbit/s."""
     end = next((end for end in _UNITS if key.endswith(end)), "")
     return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
 
 
-def reserved_mac(cell: Cell, declared: object) -> str | None:
+def reserved_mac(cell: Cell, mac: object) -> str | None:
     """Give the declared MAC address, else that of the row's DHCP reservation, in upper case; None: nobody says."""
-    if declared is not None:
-        return str(declared).upper()
-    reservations = (item for item in cell.declared.lan.reservations if item.name == cell.vehicle)
+    if mac is not None:
+        return str(mac).upper()
+    reservations = (item for item in cell.site_config.lan.reservations if item.name == cell.vehicle)
     return next((str(reservation.mac).upper() for reservation in reservations), None)
 
 
@@ -151,12 +161,12 @@ def steps(cell: Cell) -> tuple[Step, ...]:
         cell,
         Column.LTE,
         lambda _: f"4G of {cell.name} is registered, has an address, and carries traffic",
-        _registered,
+        _check_registration,
     )
     return links or (_lte_by_a_person(cell),)
 
 
-def _registered(values: Mapping[str, Any]) -> BearerFinding | None:
+def _check_registration(values: Mapping[str, Any]) -> BearerFinding | None:
     """Say in which network a unit is that carries traffic."""
     up = well(values)
     quality = values.get("quality") or {}

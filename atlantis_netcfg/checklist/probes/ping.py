@@ -17,10 +17,10 @@ from atlantis_netcfg.checklist.probes.step import (
     PLACES,
     Answer,
     CommandResult,
-    Judged,
     Place,
+    ProbeResult,
     RunProgram,
-    measured,
+    measured_evidence,
     not_run,
 )
 from atlantis_netcfg.core.events import Verdict
@@ -91,8 +91,8 @@ def read_card(answer: Answer | None) -> NetworkCard | None:
 def read_neighbour(answer: Answer | None, address: str) -> str | None:
     """Read which card has answered for an address, in upper case; None: none of late, which proves nothing."""
     for row in _rows(answer):
-        known = isinstance(row.get("lladdr"), str) and row.get("dst") == address
-        if known and "FAILED" not in (row.get("state") or ()):
+        is_match = isinstance(row.get("lladdr"), str) and row.get("dst") == address
+        if is_match and "FAILED" not in (row.get("state") or ()):
             return str(row["lladdr"]).upper()
     return None
 
@@ -125,7 +125,7 @@ _TIMES = re.compile(r"(?:rtt|round-trip) min/avg/max(?:/mdev)? = ([\d.]+)/([\d.]
 _REFUSAL = re.compile(r"^From (\S+) icmp_seq=\d+ (.+)$", re.MULTILINE)
 _HEAD = re.compile(r"^PING (\S+) ")
 _ANSWER = re.compile(r"^\d+ bytes from ([\d.]+).*?\b(?:icmp_)?seq=(\d+)", re.MULTILINE)
-_DAMAGED = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
+_DAMAGE_WORDS = ("wrong data byte", "BAD CHECKSUM", "(truncated)")
 MANY_TWICE = 0.1
 """Share of answers that come twice: a radio repeats one now and then, two devices or a loop most. Our judgement."""
 
@@ -134,14 +134,14 @@ MANY_TWICE = 0.1
 class Echoes:
     """How an address answered."""
 
-    sent: int
-    received: int
+    sent_count: int
+    received_count: int
     """By the address itself, each question once."""
     twice: int = 0
     """Answers to a question that had its answer."""
     others: tuple[str, ...] = ()
     """Addresses that answered in place of the one that was asked."""
-    damaged: bool = False
+    has_damage: bool = False
     mean_ms: float | None = None
     worst_ms: float | None = None
     refusal: str | None = None
@@ -150,11 +150,11 @@ class Echoes:
     @property
     def loss_percent(self) -> float:
         """Of what was sent."""
-        return 100 * (self.sent - self.received) / self.sent
+        return 100 * (self.sent_count - self.received_count) / self.sent_count
 
 
 @dataclass(frozen=True, slots=True)
-class Pinged:
+class NeighbourPing:
     """The neighbour, and what it is held to."""
 
     name: str
@@ -179,46 +179,48 @@ def read_ping(out: str, address: str) -> Echoes | None:
         return None
     answers = _ANSWER.findall(out)
     local = {number for who, number in answers if who == address}
-    repeated = sum(who == address for who, _ in answers) - len(local)
+    duplicates = sum(who == address for who, _ in answers) - len(local)
     return Echoes(
-        sent=int(sums[1]),
-        received=min(int(sums[2]), int(sums[1]), len(local)),
-        twice=max(int(sums[3] or 0), repeated),
+        sent_count=int(sums[1]),
+        received_count=min(int(sums[2]), int(sums[1]), len(local)),
+        twice=max(int(sums[3] or 0), duplicates),
         others=tuple(dict.fromkeys(who for who, _ in answers if who != address)),
-        damaged=any(word in out for word in _DAMAGED),
+        has_damage=any(word in out for word in _DAMAGE_WORDS),
         mean_ms=float(times[2]) if times else None,
         worst_ms=float(times[3]) if times else None,
         refusal=f"{refusal[1]} says: {refusal[2]}" if refusal else None,
     )
 
 
-def judge_ping(expected: Pinged, answer: Answer | None) -> Judged:
+def judge_ping(target: NeighbourPing, answer: Answer | None) -> ProbeResult:
     """Judge loss and time; what was not carried out proves nothing."""
-    if troubles := tuple(not_run(expected.place, "ping", answer)):
-        return Judged(troubles)
+    if troubles := tuple(not_run(target.place, "ping", answer)):
+        return ProbeResult(troubles)
     assert isinstance(answer, CommandResult)  # noqa: S101 - `not_run` speaks of anything else
-    echoes = read_ping(answer.out, expected.address)
+    echoes = read_ping(answer.out, target.address)
     if echoes is None:
         lines = (answer.err or answer.out).strip().splitlines()
         why = f": {lines[0][:120]}" if lines else ""
-        message = f"no ping was sent to {expected.name} ({expected.address}) from {PLACES[expected.place]}{why}"
-        hint = f"type it by hand there: ping {expected.address}"
-        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
-    where = f"{expected.name} from {PLACES[expected.place]}"
-    evidence = [measured(f"pings answered by {where}", f"{echoes.received} of {echoes.sent}")]
+        message = f"no ping was sent to {target.name} ({target.address}) from {PLACES[target.place]}{why}"
+        hint = f"type it by hand there: ping {target.address}"
+        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+    where = f"{target.name} from {PLACES[target.place]}"
+    evidence = [measured_evidence(f"pings answered by {where}", f"{echoes.received_count} of {echoes.sent_count}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
-        evidence.append(measured(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
-        evidence.append(measured(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
-    who = f"{expected.name} ({expected.address})"
+        evidence.append(measured_evidence(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
+        evidence.append(measured_evidence(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+    who = f"{target.name} ({target.address})"
     strange = tuple(odd_answers(who, echoes))
-    if echoes.sent < COUNT:
-        message = f"only {echoes.sent} of {COUNT} pings were sent to {who}, and {echoes.received} were answered"
-        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[expected.place]}"
+    if echoes.sent_count < COUNT:
+        message = (
+            f"only {echoes.sent_count} of {COUNT} pings were sent to {who}, and {echoes.received_count} were answered"
+        )
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[target.place]}"
         cut = BearerFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
-        return Judged((cut, *strange), tuple(evidence))
-    found = (_loss(expected, echoes), *_times(expected, echoes))
-    kept = tuple(finding for finding in found if not strange or finding.verdict is not Verdict.PASS)
-    return Judged((*strange, *kept), tuple(evidence))
+        return ProbeResult((cut, *strange), tuple(evidence))
+    findings = (_loss(target, echoes), *_times(target, echoes))
+    remaining_findings = tuple(finding for finding in findings if not strange or finding.verdict is not Verdict.PASS)
+    return ProbeResult((*strange, *remaining_findings), tuple(evidence))
 
 
 def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:
@@ -227,36 +229,40 @@ def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:
         message = f"{echoes.others[0]} answers in place of {who}"
         hint = "somebody on the way answers for others: look for a proxy, a captive portal, or a rule that redirects"
         yield BearerFinding(Verdict.FAIL, "another-answers", message, hint)
-    if echoes.damaged:
+    if echoes.has_damage:
         message = f"answers of {who} came back damaged"
         hint = "something on the way changes packets: look at cables, cards and drivers, then repeat the check"
         yield BearerFinding(Verdict.FAIL, "answers-damaged", message, hint)
     if echoes.twice:
-        many = echoes.twice > MANY_TWICE * max(echoes.received, 1)
-        message = f"{who} answers {echoes.received} of {echoes.sent} pings, and {echoes.twice} answers came twice"
+        many = echoes.twice > MANY_TWICE * max(echoes.received_count, 1)
+        message = (
+            f"{who} answers {echoes.received_count} of {echoes.sent_count} pings, and {echoes.twice} answers came twice"
+        )
         hint = "two devices have this address, or the network has a loop: unplug it and ping again"
         yield BearerFinding(Verdict.FAIL if many else Verdict.WARN, "answered-twice", message, hint)
 
 
-def _loss(expected: Pinged, echoes: Echoes) -> BearerFinding:
-    who = f"{expected.name} ({expected.address})"
-    if not echoes.received:
-        refused = f"; {echoes.refusal}" if echoes.refusal else ""
+def _loss(target: NeighbourPing, echoes: Echoes) -> BearerFinding:
+    who = f"{target.name} ({target.address})"
+    if not echoes.received_count:
+        refusal_text = f"; {echoes.refusal}" if echoes.refusal else ""
         hint = "is it switched on, with this address, and does it answer pings at all?"
-        return BearerFinding(Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent} pings{refused}", hint)
-    message = f"{who} answers {echoes.received} of {echoes.sent} pings"
+        return BearerFinding(
+            Verdict.FAIL, "silent", f"{who} answers none of {echoes.sent_count} pings{refusal_text}", hint
+        )
+    message = f"{who} answers {echoes.received_count} of {echoes.sent_count} pings"
     loss = echoes.loss_percent
-    if loss <= expected.loss_percent:
+    if loss <= target.loss_percent:
         after = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
         return BearerFinding(Verdict.PASS, "answers", message + after)
-    verdict = Verdict.FAIL if loss >= expected.fail_percent else Verdict.WARN
+    verdict = Verdict.FAIL if loss >= target.fail_percent else Verdict.WARN
     hint = "look for a bad connector, a weak signal, others on the channel, or two devices with this address"
-    return BearerFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {expected.loss_percent:g} %", hint)
+    return BearerFinding(verdict, "loss", f"{message}: {loss:g} % are lost, above {target.loss_percent:g} %", hint)
 
 
-def _times(expected: Pinged, echoes: Echoes) -> tuple[BearerFinding, ...]:
+def _times(target: NeighbourPing, echoes: Echoes) -> tuple[BearerFinding, ...]:
     if echoes.mean_ms is None or echoes.mean_ms <= SLOW_MS:
         return ()
-    message = f"{expected.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
+    message = f"{target.name} answers after {echoes.mean_ms:g} ms in the mean, above {SLOW_MS:g} ms"
     hint = "stop large transfers and look again; a Wi-Fi that saves power, or repeats its frames, is as slow"
     return (BearerFinding(Verdict.WARN, "slow", message, hint),)

@@ -98,7 +98,7 @@ PLAIN: tuple[bytes, ...] = (rb'\?WATCH=\{"enable":true,"json":true\};?\r?\n', rb
 _PLAIN = tuple(re.compile(saying) for saying in PLAIN)
 
 
-def refused(listen: Listen, *, active: bool) -> str | None:
+def find_refusal(listen: Listen, *, active: bool) -> str | None:
     """Say what of a script must not be sent, and why; None: all of it may.
 
     `active`: the script belongs to an active step, and a person has consented. Nothing is said to a UDP port.

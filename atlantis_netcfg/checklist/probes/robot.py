@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
-    Judged,
+    ProbeResult,
     Question,
     RobotsHeardRequest,
     RobotsHeardResult,
     Step,
     VpnMembersRequest,
     VpnMembersResult,
-    measured,
+    measured_evidence,
+    no_answer_finding,
     read,
-    unasked,
 )
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import complete
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Probe
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.inventory.model.robot import PublishedTopic
-    from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport
+    from atlantis_netcfg.robots.observation import HeardWriter, RobotObservation, RobotReport
 
 
 class RobotItem(StrEnum):
@@ -167,9 +167,9 @@ def topics_step(name: str, title: str, cell: Cell, kind: TopicKind) -> Step:
     return _automatic(name, title, probe)
 
 
-def _observation(answer: Answer | None, host: str) -> Observation | BearerFinding:
+def _observation(answer: Answer | None, host: str) -> RobotObservation | BearerFinding:
     if not isinstance(answer, RobotsHeardResult) or answer.observation is None:
-        return replace(unasked(host or "this computer", answer), code="not-listened")
+        return replace(no_answer_finding(host or "this computer", answer), code="not-listened")
     return answer.observation
 
 
@@ -182,7 +182,9 @@ def _complete_hint(finding: BearerFinding, site: str) -> BearerFinding:
 def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
     for writer in writers:
         rate = "rate not known" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
-        yield measured(writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}")
+        yield measured_evidence(
+            writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,10 +196,10 @@ class _BrokenFile:
     def asks(self) -> tuple[Question, ...]:
         return ()
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:  # noqa: ARG002 - as every probe has it
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:  # noqa: ARG002 - as every probe has it
         message = f"the file of {self.vehicle} has errors, so that nothing can be compared with it"
         hint = f"`provision robot validate vehicle={self.vehicle}` names each of them"
-        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
+        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,29 +214,29 @@ class _VpnOfRobot:
     def asks(self) -> tuple[Question, ...]:
         return (VpnMembersRequest("members"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         answer = results["members"]
         if not isinstance(answer, VpnMembersResult) or answer.trouble is not None:
-            return Judged((unasked("the VPN server", answer),))
+            return ProbeResult((no_answer_finding("the VPN server", answer),))
         members = [member for member in answer.members if member.vehicle == self.vehicle]
         session = next((member for member in members if member.session), None)
         if session is not None:
-            connected = f"{session.name} is connected to the VPN server"
+            message = f"{session.name} is connected to the VPN server"
             evidence = read("session at the VPN server", f"{session.name} from {session.session}")
-            return Judged((BearerFinding(Verdict.PASS, "member-connected", connected),), (evidence,))
+            return ProbeResult((BearerFinding(Verdict.PASS, "member-connected", message),), (evidence,))
         if not members and self.behind:
             text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
-            return Judged((BearerFinding(Verdict.SKIP, "behind-router", text),))
-        return Judged((self._away([member.name for member in members if member.admitted]),))
+            return ProbeResult((BearerFinding(Verdict.SKIP, "behind-router", text),))
+        return ProbeResult((self._away([member.name for member in members if member.has_certificate]),))
 
-    def _away(self, admitted: Collection[str]) -> BearerFinding:
+    def _away(self, member_names: Collection[str]) -> BearerFinding:
         status = "`provision vpn status` shows every member and who is connected"
-        if not admitted:
+        if not member_names:
             message = f"{self.name} has no certificate of the VPN that is good, and no address in the LAN of the site"
             if self.behind:
                 message = f"every certificate of {self.name} in the VPN was revoked"
             return BearerFinding(Verdict.FAIL, "no-member", message, status)
-        message = f"{', '.join(admitted)} is not connected to the VPN server"
+        message = f"{', '.join(member_names)} is not connected to the VPN server"
         return BearerFinding(Verdict.FAIL, "member-away", message, f"start OpenVPN on the robot; {status}")
 
 
@@ -257,26 +259,28 @@ class _DiscoveryProbe(_OfRobot):
     def asks(self) -> tuple[Question, ...]:
         return (RobotsHeardRequest("heard", self.host),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         observation = _observation(results["heard"], self.host)
         if isinstance(observation, BearerFinding):
-            return Judged((observation,))
+            return ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
         evidence = tuple(self._configurations(report, observation))
         if wrong:
-            return Judged(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
+            return ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
         text = f"{self.name} introduces itself as its file says"
-        return Judged((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
+        return ProbeResult((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
-    def _configurations(report: RobotReport, observation: Observation) -> Iterator[Evidence]:
+    def _configurations(report: RobotReport, observation: RobotObservation) -> Iterator[Evidence]:
         keys = {writer.participant for writer in report.topics}
         for configuration in observation.configurations:
             writer = configuration.writer
             if writer.participant in keys:
                 where = observation.participants.get(writer.participant, "an unknown address")
-                yield measured(f"configuration from {where}", f"{writer.messages} in {observation.seconds:.0f} s")
+                yield measured_evidence(
+                    f"configuration from {where}", f"{writer.messages} in {observation.seconds:.0f} s"
+                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,15 +298,15 @@ class _TopicsProbe(_OfRobot):
     def asks(self) -> tuple[Question, ...]:
         return (RobotsHeardRequest("heard"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
-            return Judged((observation,))
+            return ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         if report.state is RobotState.MISSING:
             message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
             hint = "make it be discovered first, then look again"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
         wrong = tuple(
@@ -310,7 +314,7 @@ class _TopicsProbe(_OfRobot):
             for topic, finding in topic_findings(self.robots.robot(self.vehicle), report.topics, observation)
             if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
         )
-        return Judged(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
+        return ProbeResult(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
 
     def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> BearerFinding:
         topics = {writer.topic for writer in writers}
@@ -332,18 +336,18 @@ class _Strangers:
     def asks(self) -> tuple[Question, ...]:
         return (RobotsHeardRequest("heard"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
-            return Judged((observation,))
+            return ProbeResult((observation,))
         reports = self.robots.reports(observation)
         every = [finding for report in reports for finding in report.findings]
         wrong = tuple(_complete_hint(each, self.site) for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
         if wrong:
-            return Judged(wrong)
+            return ProbeResult(wrong)
         if not observation.configurations:
             message = "no robot has introduced itself, so that nothing is known of strangers"
             hint = "is this computer in the network of the robots, and in the domain of `dds.domain`?"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
         text = f"{len(observation.configurations)} robots introduce themselves, all of the inventory"
-        return Judged((BearerFinding(Verdict.PASS, "all-known", text),))
+        return ProbeResult((BearerFinding(Verdict.PASS, "all-known", text),))

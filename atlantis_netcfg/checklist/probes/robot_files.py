@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model.robot import RobotFile
     from atlantis_netcfg.inventory.robots.reading import RobotSource
-    from atlantis_netcfg.robots.observation import Observation, RobotReport
+    from atlantis_netcfg.robots.observation import RobotObservation, RobotReport
 
 
 @dataclass(slots=True, eq=False, repr=False)
@@ -29,31 +29,31 @@ class RobotFiles:
     names: KeyNames
     sources: Mapping[str, RobotSource]
     """Of every robot of the inventory whose file has no error."""
-    tested: tuple[str, ...]
+    tested_vehicles: tuple[str, ...]
     """Vehicles that are tested at the site and have a file, good or not; guests are none of them."""
     past_guests: Mapping[str, str] = field(default_factory=dict)
     """Guests whose last day is over, and that day: they are strangers again."""
-    _judged: tuple[Observation, list[RobotReport]] | None = None
+    _cached_reports: tuple[RobotObservation, list[RobotReport]] | None = None
 
     @classmethod
     def read(cls, declaration: Declaration, site: str) -> Self | None:
         """Read those of an inventory; None: no vehicle that is tested at the site has one."""
         here, files = declaration.sites[site].checklist.vehicles, robot_files(declaration)
-        tested = tuple(
+        tested_vehicles = tuple(
             key
             for key, vehicle in declaration.vehicles.items()
             if key in files and not vehicle.guest and (here is None or key in here)
         )
-        if not tested:
+        if not tested_vehicles:
             return None
         try:
             names, findings = key_names(declaration)
             sources = [] if findings else read_declared(declaration, names)
         except NetcfgError:
-            return cls(KeyNames(), {}, tested)
+            return cls(KeyNames(), {}, tested_vehicles)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
-        opened = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
-        return cls(names, opened, tested, past_guests(declaration))
+        open_sources = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
+        return cls(names, open_sources, tested_vehicles, past_guests(declaration))
 
     def robot(self, vehicle: str) -> RobotFile:
         """What a good file says."""
@@ -61,16 +61,16 @@ class RobotFiles:
         assert robot is not None  # noqa: S101 - it is good
         return robot
 
-    def reports(self, observation: Observation) -> list[RobotReport]:
+    def reports(self, observation: RobotObservation) -> list[RobotReport]:
         """Compare what was heard with all files; the items of a list share one observation."""
-        if self._judged is None or self._judged[0] is not observation:
-            expected = [key for key in self.tested if key in self.sources]
-            self._judged = (
+        if self._cached_reports is None or self._cached_reports[0] is not observation:
+            expected_keys = [key for key in self.tested_vehicles if key in self.sources]
+            self._cached_reports = (
                 observation,
-                judge(observation, [*self.sources.values()], expected, self.names, self.past_guests),
+                judge(observation, [*self.sources.values()], expected_keys, self.names, self.past_guests),
             )
-        return self._judged[1]
+        return self._cached_reports[1]
 
-    def report(self, vehicle: str, observation: Observation) -> RobotReport:
+    def report(self, vehicle: str, observation: RobotObservation) -> RobotReport:
         """What was heard of one robot, whose file is good."""
         return next(report for report in self.reports(observation) if report.vehicle == vehicle)

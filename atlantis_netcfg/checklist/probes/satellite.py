@@ -18,15 +18,15 @@ from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
     Consent,
-    Judged,
+    ProbeResult,
     Step,
-    measured,
-    unasked,
+    measured_evidence,
+    no_answer_finding,
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Column
-from atlantis_netcfg.inventory.satellite_allow_list import allowed
+from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 
 
 _NOT_TRIED = "not-tried"
-_SEEN = (Verdict.PASS, Verdict.WARN)
-_AIMED = frozenset(
+_GOOD_VERDICTS = (Verdict.PASS, Verdict.WARN)
+_TARGET_CODES = frozenset(
     {
         "reached",
         "refused",
@@ -66,35 +66,39 @@ class AllowListProbe:
         """One proof."""
         return (AllowListTestRequest("prove", self.bearer),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Take over what was found; what could not be tried only warns where something else was proved."""
         answer = results.get("prove")
         if not isinstance(answer, AllowListTestResult) or answer.trouble is not None:
-            return Judged((unasked("the satellite's router", answer),))
-        return Judged(tuple(self._findings(answer)), tuple(self._evidence(answer)))
+            return ProbeResult((no_answer_finding("the satellite's router", answer),))
+        return ProbeResult(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
-    def _findings(self, proved: AllowListTestResult) -> Iterator[BearerFinding]:
-        aimed = [entry for entry in proved.findings if entry.code in _AIMED]
-        seen = [item for item in aimed if item.verdict in _SEEN]
-        if not aimed:
+    def _findings(self, result: AllowListTestResult) -> Iterator[BearerFinding]:
+        target_findings = [entry for entry in result.findings if entry.code in _TARGET_CODES]
+        proved_findings = [item for item in target_findings if item.verdict in _GOOD_VERDICTS]
+        if not target_findings:
             message = f"nothing was tried over {self.bearer}"
             hint = "declare `refused_probes` of the link: addresses of ours that must not be reached"
             yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-tried", message, hint)
-        elif not seen:
-            message = f"none of {len(aimed)} targets could be proved over {self.bearer}"
+        elif not proved_findings:
+            message = f"none of {len(target_findings)} targets could be proved over {self.bearer}"
             hint = "try again while the satellite carries the traffic: unplug the other links"
             yield BearerFinding(Verdict.INCONCLUSIVE, "nothing-proved", message, hint)
         else:
-            yield self._proved(len(seen), len(aimed), sum(finding.code == _NOT_TRIED for finding in aimed))
-        for finding in proved.findings:
-            weaker = Verdict.WARN if seen and finding.code == _NOT_TRIED else finding.verdict
+            yield self._summarize(
+                len(proved_findings),
+                len(target_findings),
+                sum(finding.code == _NOT_TRIED for finding in target_findings),
+            )
+        for finding in result.findings:
+            weaker = Verdict.WARN if proved_findings and finding.code == _NOT_TRIED else finding.verdict
             yield replace(finding, verdict=weaker, hint=finding.hint or self._hints.get(finding.code))
 
-    def _proved(self, seen: int, aimed: int, untried: int) -> BearerFinding:
-        message = f"{seen} of {aimed} targets were proved over {self.bearer}"
-        if not untried:
+    def _summarize(self, proved_count: int, target_count: int, untried_count: int) -> BearerFinding:
+        message = f"{proved_count} of {target_count} targets were proved over {self.bearer}"
+        if not untried_count:
             return BearerFinding(Verdict.PASS, "proved", message)
-        message = f"{message}, {untried} could not be tried"
+        message = f"{message}, {untried_count} could not be tried"
         return BearerFinding(Verdict.WARN, "proved-in-part", message, self._hints[_NOT_TRIED])
 
     @property
@@ -103,17 +107,17 @@ class AllowListProbe:
         try_all = f"`provision prove site={self.site} --try-all`"
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
-    def _evidence(self, proved: AllowListTestResult) -> Iterator[Evidence]:
-        yield measured(f"proof over {self.bearer} took", round(proved.seconds, 1), "s")
-        if proved.bill:
-            yield measured(f"cost over {self.bearer}", proved.bill)
+    def _evidence(self, result: AllowListTestResult) -> Iterator[Evidence]:
+        yield measured_evidence(f"proof over {self.bearer} took", round(result.seconds, 1), "s")
+        if result.bill:
+            yield measured_evidence(f"cost over {self.bearer}", result.bill)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
     """Give the four items of each satellite link of a location, else something for a person."""
     links = bearers(cell, Column.SATELLITE)
-    found = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
-    return tuple(found) or (_by_a_person(cell),)
+    satellite_steps = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
+    return tuple(satellite_steps) or (_by_a_person(cell),)
 
 
 def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
@@ -146,14 +150,14 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
 
 
 def _firewall(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
-    listed = ", ".join(_target(allowed_target) for allowed_target in allowed(cell.declaration.pilot, bearer))
+    targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.declaration.pilot, bearer))
     return Step(
         name=f"{before}firewall",
         title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
         kind=ItemKind.PERSON,
         phase=Phase.BENCH,
         do=f"Open the pages of {bearer.device} and look at its firewall; attach a screenshot of it.",
-        look_for=f"It is on, admits these and nothing else: {listed}. Its password is not the factory's.",
+        look_for=f"It is on, admits these and nothing else: {targets}. Its password is not the factory's.",
         concerns=concerns,
     )
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.links.status import Query
-    from atlantis_netcfg.robots.observation import Observation
+    from atlantis_netcfg.robots.observation import RobotObservation
 
 
 class Place(StrEnum):
@@ -279,9 +279,9 @@ class CommandResult:
     err: str = ""
     began: float = 0.0
     """Seconds since 1970 by the clock of the computer that ran it."""
-    asked: float = 0.0
+    request_time: float = 0.0
     """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
-    heard: float = 0.0
+    response_time: float = 0.0
     """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
 
 
@@ -293,9 +293,9 @@ class Rows:
     words: str = ""
     rows: tuple[Mapping[str, str], ...] | None = None
     """None: the device does not know the menu, or refused."""
-    asked: float = 0.0
+    request_time: float = 0.0
     """Seconds since 1970 by this computer's clock, when the question left; 0: nobody has looked."""
-    heard: float = 0.0
+    response_time: float = 0.0
     """The same, when its answer was here: what the other clock showed in between tells how wrong it is."""
 
 
@@ -331,7 +331,7 @@ class LinkRecordResult:
     """None without trouble: there is none."""
     now: datetime | None = None
     """When it was read, by this computer's clock."""
-    rehearsed: bool = False
+    is_rehearsal: bool = False
     """A rehearsal's, of an emulated link; else such a measurement counts for nothing."""
 
 
@@ -393,7 +393,7 @@ class DdsDiscoverResult:
 
 
 @dataclass(frozen=True, slots=True)
-class Reflected:
+class ReflectReply:
     """A datagram that came while answers were waited for."""
 
     sender: str
@@ -413,7 +413,7 @@ class ReflectResult:
     words: str = ""
     tokens: tuple[str, ...] = ()
     """Of the messages that were sent, made up anew each time."""
-    answers: tuple[Reflected, ...] = ()
+    answers: tuple[ReflectReply, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -422,7 +422,7 @@ class RobotsHeardResult:
 
     trouble: Trouble | None
     words: str = ""
-    observation: Observation | None = None
+    observation: RobotObservation | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -431,7 +431,7 @@ class VpnMember:
 
     name: str
     vehicle: str
-    admitted: bool
+    has_certificate: bool
     """Whether it has a certificate that was not revoked."""
     session: str = ""
     """Address and port from which it is connected now; empty: it is not."""
@@ -463,7 +463,7 @@ Answer = (
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class ProbeResult:
     """What follows from the answers. Without a finding nothing was seen, and that never passes."""
 
     findings: tuple[BearerFinding, ...]
@@ -483,7 +483,7 @@ class Probe(Protocol):
         """Every question, with names that are unlike each other."""
         ...
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the answers, one for each question by its name."""
         ...
 
@@ -595,10 +595,10 @@ class Cell:
     @property
     def name(self) -> str:
         """The row in words."""
-        return self.declared.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
+        return self.site_config.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
 
     @property
-    def declared(self) -> Site:
+    def site_config(self) -> Site:
         """The site."""
         return self.declaration.sites[self.site]
 
@@ -607,7 +607,7 @@ class Cell:
         """How the row's endpoints are seen."""
         if self.vehicle is not None:
             return self.declaration.vehicles[self.vehicle].endpoints
-        return self.declared.location.endpoints
+        return self.site_config.location.endpoints
 
     @property
     def gateway(self) -> Host | None:
@@ -636,15 +636,15 @@ class Cell:
             return Place.GATEWAY
         return Place.LAPTOP
 
-    def address(self, declared: object) -> str | None:
+    def address(self, inventory_address: object) -> str | None:
         """The declared address, else that of the row's DHCP reservation at this site; None: nobody says."""
-        if declared is not None:
-            return str(declared)
-        reservations = (item for item in self.declared.lan.reservations if item.name == self.vehicle)
+        if inventory_address is not None:
+            return str(inventory_address)
+        reservations = (item for item in self.site_config.lan.reservations if item.name == self.vehicle)
         return next((str(reservation.address) for reservation in reservations), None)
 
 
-def measured(what: str, value: object, unit: str = "") -> Evidence:
+def measured_evidence(what: str, value: object, unit: str = "") -> Evidence:
     """Give what this tool has measured."""
     return Evidence(type=EvidenceType.MEASURED, what=what, value=number(value, unit))
 
@@ -654,7 +654,7 @@ def read(what: str, value: object, unit: str = "") -> Evidence:
     return Evidence(type=EvidenceType.READ, what=what, value=number(value, unit))
 
 
-def declared(what: str, value: object) -> Evidence:
+def declared_evidence(what: str, value: object) -> Evidence:
     """Give what the inventory says."""
     return Evidence(type=EvidenceType.DECLARED, what=what, value=str(value))
 
@@ -671,7 +671,7 @@ _PACKAGES = {"ping": "iputils-ping", "ip": "iproute2"}
 """Where the package of Debian and Ubuntu is not called as its program is."""
 
 
-def unasked(who: str, answer: Answer | None) -> BearerFinding:
+def no_answer_finding(who: str, answer: Answer | None) -> BearerFinding:
     """Say that `who` could not be asked; it never fails anything, for nothing is known."""
     words = getattr(answer, "words", "") or "it does not answer"
     hint = f"make {who} reachable first, then ask again"
@@ -682,7 +682,7 @@ def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFi
     """Say why a program has printed nothing that counts; nothing, if it was carried out."""
     where = PLACES[place]
     if not isinstance(ran, CommandResult):
-        yield unasked(where, ran)
+        yield no_answer_finding(where, ran)
     elif ran.trouble is Trouble.MISSING:
         hint = f"on it: sudo apt install {_PACKAGES.get(program, program)}"
         yield BearerFinding(Verdict.INCONCLUSIVE, "program-missing", f"{where} has no program `{program}`", hint)
@@ -691,7 +691,7 @@ def not_run(place: Place, program: str, ran: Answer | None) -> Iterator[BearerFi
         message = f"`{program}` did not come to an end in time on {where}"
         yield BearerFinding(Verdict.INCONCLUSIVE, "program-slow", message, hint)
     elif ran.trouble is not None:
-        yield unasked(where, ran)
+        yield no_answer_finding(where, ran)
 
 
 def rows_of(answer: Answer | None) -> tuple[dict[str, str], ...] | None:

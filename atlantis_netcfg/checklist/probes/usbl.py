@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
-from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
+from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Listen, ProbeResult, Question, Step, Transcript
 from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
@@ -76,47 +76,47 @@ class Ping:
         return (self._question(),)
 
     def _question(self) -> Listen:
-        ended = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
+        end_pattern = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
         say = (
             ask_seatrac(seatrac.TRANSCEIVER, _IDLE),
             ask_seatrac(seatrac.STATUS, _BELOW),
             # Twice: a script cannot work out the checksum of an answer, and a damaged one rarely shows a depth again.
             ask_seatrac(seatrac.STATUS, _BELOW),
-            ping(self.beacon, self.consent, ended, within_s=_ANSWERED_S),
+            ping(self.beacon, self.consent, end_pattern, within_s=_ANSWERED_S),
         )
         return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge whether it was sent, and who answered."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
-        if isinstance(transcript, Judged):
+        if isinstance(transcript, ProbeResult):
             return transcript
         answers = seatrac.answers(transcript.data)
         if not answers:
-            return Judged((damage(self.name, transcript) or not_understood(self.modem, self.name),))
+            return ProbeResult((damage(self.name, transcript) or not_understood(self.modem, self.name),))
         # The vehicle's own software may ping as well: only what follows our own ping is its answer.
         pings = [
             answer for answer in answers if answer.number == seatrac.PING and answer.record[1:2] == bytes([self.beacon])
         ]
-        finding = self._sent(pings[-1], answers, transcript) if pings else self._kept(answers)
-        return Judged((finding,), tuple(_evidence(answers)))
+        finding = self._judge_ping(pings[-1], answers, transcript) if pings else self._judge_not_sent(answers)
+        return ProbeResult((finding,), tuple(_evidence(answers)))
 
-    def _sent(
-        self, sent: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: Transcript
+    def _judge_ping(
+        self, ping_reply: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: Transcript
     ) -> BearerFinding:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
             entry
             for entry in read_fixes(self.modem.driver, transcript)
-            if entry.form == response and entry.end > sent.end
+            if entry.form == response and entry.end > ping_reply.end
         )
         fix = next((item for item in fixes if item.remote == self.beacon), None)
         later = tuple(
-            answer for answer in answers if answer.end > sent.end and answer.record[1:2] == bytes([self.beacon])
+            answer for answer in answers if answer.end > ping_reply.end and answer.record[1:2] == bytes([self.beacon])
         )
         error = seatrac.last(later, seatrac.PING_ERROR)
-        if fix is not None and error is None and sent.record[:1] == b"\x00":
+        if fix is not None and error is None and ping_reply.record[:1] == b"\x00":
             wrong = impossible(f"the beacon of {self.name}", fix, self.local, self.width_m, self.modem.driver)
             if wrong is not None:
                 return wrong
@@ -130,7 +130,7 @@ class Ping:
         if error is not None and error[:1] == bytes([_TIMEOUT]):
             hint = "look whether both beacons are in the water and within reach, and which number the other one has"
             return BearerFinding(Verdict.FAIL, "no-answer", f"{other} has not answered the ping of {self.name}", hint)
-        status = (error or sent.record)[:1]
+        status = (error or ping_reply.record)[:1]
         if status not in {b"", b"\x00"}:
             why = "it is busy" if status[0] == _BUSY else f"its status is 0x{status[0]:02X}"
             message = f"the beacon of {self.name} has not carried out the ping: {why}"
@@ -140,7 +140,7 @@ class Ping:
         message = f"the beacon of {self.name} has sent a ping and does not tell what became of it"
         return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, "check again")
 
-    def _kept(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> BearerFinding:
+    def _judge_not_sent(self, answers: tuple[seatrac.SeatracAnswer, ...]) -> BearerFinding:
         record = seatrac.last(answers, seatrac.STATUS)
         if record is None:
             message = f"no ping was sent: the transceiver of {self.name} is not idle"
@@ -196,7 +196,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
 
 
 def _width_m(cell: Cell) -> float | None:
-    fence = cell.declared.checklist.geofence
+    fence = cell.site_config.checklist.geofence
     return None if fence is None else 2 * fence.radius_m
 
 
@@ -230,8 +230,8 @@ def _pinged_by_a_person(cell: Cell, beacon: int) -> Step:
 
 
 def _by_a_person(cell: Cell) -> Step:
-    declared = cell.endpoints.usbl is not None
-    why = "has no address at this site" if declared else "is not declared"
+    is_declared = cell.endpoints.usbl is not None
+    why = "has no address at this site" if is_declared else "is not declared"
     return Step(
         name="",
         title=f"The USBL of {cell.name} gives its position",

@@ -18,7 +18,7 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
     Beacon,
     damage,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
+from atlantis_netcfg.checklist.probes.step import Answer, Listen, ProbeResult, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver
@@ -71,7 +71,7 @@ class UsblFix:
     """By the sound's time on the way."""
     distance_m: float | None
     """By the position."""
-    directed: bool
+    has_direction: bool
     """Whether it tells a direction."""
     clock_s: float | None = None
     """What the modem's clock showed when it told the fix."""
@@ -96,18 +96,18 @@ class UsblFix:
 
 def read_fixes(driver: AcousticDriver, transcript: Transcript) -> tuple[UsblFix, ...]:
     """Every fix in a transcript, in its order."""
-    made = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
-    return tuple(made)
+    fixes = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
+    return tuple(fixes)
 
 
 def _evologics(transcript: Transcript) -> Iterator[UsblFix]:
-    received = evologics.pieces(transcript.data)
-    settings = evologics.settings(received)
-    declared = settings.values.get("Sound Speed") if settings else None
+    pieces = evologics.pieces(transcript.data)
+    settings = evologics.settings(pieces)
+    modem_speed = settings.values.get("Sound Speed") if settings else None
     low, high = SOUND_SPEED_MPS
-    speed = declared if declared is not None and low <= declared <= high else _USUAL_MPS
+    speed = modem_speed if modem_speed is not None and low <= modem_speed <= high else _USUAL_MPS
     arrivals = _Arrivals(transcript)
-    for fix in evologics.fixes(received):
+    for fix in evologics.fixes(pieces):
         yield UsblFix(
             remote=fix.remote,
             end=fix.end,
@@ -117,7 +117,7 @@ def _evologics(transcript: Transcript) -> Iterator[UsblFix]:
             form="direction" if fix.position_m is None else "position",
             range_m=None if fix.propagation_us is None else fix.propagation_us * 1e-6 * speed,
             distance_m=None if fix.position_m is None else math.hypot(*fix.position_m),
-            directed=True,
+            has_direction=True,
             clock_s=fix.clock_s,
             delay_s=fix.clock_s - fix.measured_s,
             rssi_db=fix.rssi_db,
@@ -143,7 +143,7 @@ def _seatrac(transcript: Transcript) -> Iterator[UsblFix]:
             form=f"{answer.number:02X}",
             range_m=fix.range_m,
             distance_m=None if fix.position_m is None else math.hypot(*fix.position_m),
-            directed=fix.azimuth_deg is not None,
+            has_direction=fix.azimuth_deg is not None,
             to=fix.to,
             fit_error=fix.fit_error,
             suspect=fix.suspect,
@@ -182,10 +182,10 @@ def impossible(
         message = f"{who} tells a fix of {whose} that is meant for the beacon {fix.to}, and it is the beacon {local}"
         hint = "look which beacon is connected here: another one's answers are not its own fixes"
         return BearerFinding(Verdict.FAIL, "other-beacon", message, hint)
-    return _misplaced(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
+    return _check_distance(who, whose, fix, width_m, driver) or _absurd(who, whose, fix)
 
 
-def _misplaced(
+def _check_distance(
     who: str, whose: str, fix: UsblFix, width_m: float | None, driver: AcousticDriver
 ) -> BearerFinding | None:
     far_m = [metres for metres in (fix.range_m, fix.distance_m) if metres is not None]
@@ -213,8 +213,8 @@ def _too_far(who: str, whose: str, far_m: float, width_m: float | None, driver: 
 
 
 def _apart(fix: UsblFix, share: float, metres: float) -> bool:
-    known = fix.range_m is not None and fix.distance_m is not None
-    return known and abs((fix.range_m or 0.0) - (fix.distance_m or 0.0)) > max(metres, share * (fix.range_m or 0.0))
+    is_known = fix.range_m is not None and fix.distance_m is not None
+    return is_known and abs((fix.range_m or 0.0) - (fix.distance_m or 0.0)) > max(metres, share * (fix.range_m or 0.0))
 
 
 def _mismatch(who: str, whose: str, fix: UsblFix) -> str:
@@ -252,7 +252,7 @@ class Fixes:
     """Acoustic addresses; none: anybody's."""
     max_age_s: float
     question: Listen
-    declared: int | None = None
+    expected_address: int | None = None
     """Acoustic address of the modem itself; None: nobody has declared it."""
     width_m: float | None = None
     """Of the site's waters: the geofence from one side to the other."""
@@ -261,24 +261,24 @@ class Fixes:
         """The script of the acoustic column, with a listening behind it."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the fixes that came while it was listened."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, Judged):
+        if isinstance(transcript, ProbeResult):
             return transcript
         fixes = read_fixes(self.modem.driver, transcript)
-        if not fixes and not self._understood(transcript):
-            return Judged((self._foreign(transcript),))
+        if not fixes and not self._is_recognized(transcript):
+            return ProbeResult((self._foreign(transcript),))
         remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
         if not any(fix.remote in remotes for fix in fixes):
-            return Judged((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
+            return ProbeResult((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
         local = self._local_address(transcript)
         findings = tuple(
             finding
             for remote in remotes
             for finding in self._of(remote, [fix for fix in fixes if fix.remote == remote], local, transcript)
         )
-        return Judged((*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes)))
+        return ProbeResult((*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes)))
 
     @property
     def _who(self) -> str:
@@ -294,15 +294,15 @@ class Fixes:
     def _whose(self, transcript: Transcript) -> Iterator[BearerFinding]:
         """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
         local = self._local_address(transcript)
-        if local is not None and self.declared is not None and local != self.declared:
-            message = f"{self._who} has the acoustic address {local}, and {self.declared} is declared"
+        if local is not None and self.expected_address is not None and local != self.expected_address:
+            message = f"{self._who} has the acoustic address {local}, and {self.expected_address} is declared"
             hint = "look whose modem answers here, or correct `acoustic_address` in the declaration"
             yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if not self.hears:
             message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
             yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
 
-    def _understood(self, transcript: Transcript) -> bool:
+    def _is_recognized(self, transcript: Transcript) -> bool:
         if self.modem.driver is AcousticDriver.SEATRAC:
             return bool(seatrac.answers(transcript.data))
         pieces = evologics.pieces(transcript.data)
@@ -314,8 +314,8 @@ class Fixes:
 
     def _nothing(self, fixes: tuple[UsblFix, ...], transcript: Transcript) -> BearerFinding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
-            switched = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
-            if switched == 0 and not fixes:
+            output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
+            if output_state == 0 and not fixes:
                 message = f"{self._who} keeps its fixes to itself: their output is switched off (AT?ZU 0)"
                 hint = "have its crew switch the output of fixes on: this tool never does"
                 return BearerFinding(Verdict.INCONCLUSIVE, "output-off", message, hint)
@@ -339,15 +339,15 @@ class Fixes:
             yield BearerFinding(Verdict.FAIL, "repeated", message, _REPLAY)
             return
         # One measurement is as old as when it was told first.
-        measured = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
-        wrong = {id(fix): finding for fix in measured if (finding := self._wrong(fix, local)) is not None}
-        good = [fix for fix in measured if id(fix) not in wrong]
+        measurements = list({fix.stamp: fix for fix in reversed(fixes)}.values())[::-1]
+        wrong = {id(fix): finding for fix in measurements if (finding := self._wrong(fix, local)) is not None}
+        good = [fix for fix in measurements if id(fix) not in wrong]
         if len(good) <= len(wrong):
-            yield next(wrong[id(fix)] for fix in reversed(measured) if id(fix) in wrong)
+            yield next(wrong[id(fix)] for fix in reversed(measurements) if id(fix) in wrong)
             return
         yield from self._fix_findings(remote, good, len(fixes))
         if wrong:
-            message = f"{len(wrong)} of {len(measured)} fixes of the address {remote} cannot be: {_first(wrong)}"
+            message = f"{len(wrong)} of {len(measurements)} fixes of the address {remote} cannot be: {_first(wrong)}"
             yield BearerFinding(Verdict.WARN, "some-impossible", message, f"listen again; {_ECHOES}")
 
     def _wrong(self, fix: UsblFix, local: int | None) -> BearerFinding | None:
@@ -374,14 +374,14 @@ class Fixes:
     def _fix_findings(self, remote: int, good: Sequence[UsblFix], count: int) -> Iterator[BearerFinding]:
         last = good[-1]
         far = "" if last.range_m is None else f", {last.range_m:.1f} m away"
-        counted = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
+        count_text = f"{count} fix{'es' if count > 1 else ''} of the address {remote}"
         if last.age_s > self.max_age_s:
-            message = f"{self._who} told {counted}, but none for {last.age_s:.0f} s"
+            message = f"{self._who} told {count_text}, but none for {last.age_s:.0f} s"
             yield BearerFinding(
                 Verdict.INCONCLUSIVE, "ended", message, f"look why they ended, and listen again: {_NOBODY}"
             )
             return
-        yield BearerFinding(Verdict.PASS, "heard", f"{self._who} told {counted}{far}")
+        yield BearerFinding(Verdict.PASS, "heard", f"{self._who} told {count_text}{far}")
         if len(good) == 1:
             message = f"only one fix of the address {remote} came: whether more follow is not seen"
             yield BearerFinding(
@@ -426,7 +426,7 @@ def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[BearerFinding]:
     if fix.range_m is None:
         hint = "a direction without a range is all that a receiver without its own ping gets; look how it is pinged"
         yield BearerFinding(Verdict.WARN, "direction-only", f"{who} tells only the direction {of}, and no range", hint)
-    elif not fix.directed:
+    elif not fix.has_direction:
         hint = "a SeaTrac X110 measures no direction: connect the X150, or take it out of the column"
         yield BearerFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
     elif _apart(fix, _OFF_SHARE, _OFF_M):

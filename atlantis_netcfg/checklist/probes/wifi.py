@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
-    Pinged,
+    NeighbourPing,
     card_request,
     judge_ping,
     own_address,
@@ -41,19 +41,19 @@ from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
     CommandResult,
-    Judged,
     Place,
     Probe,
+    ProbeResult,
     Question,
     RouterOsQuery,
     Rows,
     RunProgram,
     Step,
-    declared,
+    declared_evidence,
+    no_answer_finding,
     not_run,
     read,
     rows_of,
-    unasked,
 )
 from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
@@ -68,13 +68,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 
-_CONNECTED = re.compile(r"^Connected to ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)
+_CONNECTION = re.compile(r"^Connected to ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b", re.IGNORECASE | re.MULTILINE)
 _FIELD = re.compile(r"^\s*([A-Za-z][A-Za-z ]*?):[ \t]*(.*?)[ \t]*$", re.MULTILINE)
 _STATION = re.compile(r"^Station ((?:[0-9a-f]{2}:){5}[0-9a-f]{2})\b.*$", re.IGNORECASE | re.MULTILINE)
 _LEVEL = re.compile(r"(-\d+)(?: \[([-\d, ]+)\])? dBm")
 _RATE = re.compile(r"(\d+(?:\.\d+)?) MBit/s")
 _MHZ = re.compile(r"(\d{4})(?:\.\d+)?")
-_ESCAPED = re.compile(r"\\x([0-9a-fA-F]{2})")
+_ESCAPE = re.compile(r"\\x([0-9a-fA-F]{2})")
 _TYPE = re.compile(r"^\s*type (\S+)", re.MULTILINE)
 _SSID = re.compile(r"^\s*ssid (.+)$", re.MULTILINE)
 _CHANNEL = re.compile(r"^\s*channel \d+ \((\d+) MHz\)", re.MULTILINE)
@@ -126,7 +126,7 @@ def read_link(out: str) -> WifiLink | None:
     """Read an association; None: the words are not understood."""
     if out.strip().startswith("Not connected"):
         return WifiLink()
-    match = _CONNECTED.search(out)
+    match = _CONNECTION.search(out)
     if match is None:
         return None
     fields = dict(_fields(out))
@@ -194,10 +194,10 @@ def read_rules(out: str) -> Rules:
 
 def _fields(text: str) -> Iterator[tuple[str, str]]:
     """Yield what stands in a line of its own, the first of each name."""
-    seen = set()
+    seen_names = set()
     for name, value in _FIELD.findall(text):
-        if name not in seen:
-            seen.add(name)
+        if name not in seen_names:
+            seen_names.add(name)
             yield name, value
 
 
@@ -217,7 +217,7 @@ def _rate(text: str) -> float | None:
 
 def _plain(ssid: str) -> str:
     r"""Give a name as its owner wrote it: iw writes bytes that are not plain ASCII as `\xc3\xa9`."""
-    raw = _ESCAPED.sub(lambda found: chr(int(found[1], 16)), ssid)
+    raw = _ESCAPE.sub(lambda match: chr(int(match[1], 16)), ssid)
     return raw.encode("latin-1", "replace").decode("utf-8", "replace")
 
 
@@ -248,14 +248,16 @@ def judge_channel(country: str, frequency_mhz: int | None, width_mhz: int | None
 
 def judge_country(country: str, rules: Rules, where: str) -> Iterator[BearerFinding]:
     """Compare the country that the computer's radios obey with the pilot's; who does not say is not judged."""
-    expected = channels.COUNTRY_CODES[country]
-    others = [item for item in rules.countries if item not in {expected, *_NO_COUNTRY}]
-    hint = f"on it: sudo iw reg set {expected}, and `REGDOMAIN={expected}` in /etc/default/crda so that it stays"
+    country_code = channels.COUNTRY_CODES[country]
+    others = [item for item in rules.countries if item not in {country_code, *_NO_COUNTRY}]
+    hint = (
+        f"on it: sudo iw reg set {country_code}, and `REGDOMAIN={country_code}` in /etc/default/crda so that it stays"
+    )
     if others:
-        message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {expected}"
+        message = f"the radio of {where} obeys the rules of {others[0]}, and the pilot is in {country_code}"
         yield BearerFinding(Verdict.WARN, "country-differs", message, hint)
-    elif rules.countries and expected not in rules.countries:
-        message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {expected}"
+    elif rules.countries and country_code not in rules.countries:
+        message = f"the radio of {where} obeys the rules of no single country, and the pilot is in {country_code}"
         yield BearerFinding(Verdict.WARN, "country-unset", message, hint)
 
 
@@ -293,7 +295,7 @@ def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterat
 
 
 def judge_rate(
-    endpoint: WifiEndpoint, sent: float | None, received: float | None, who: str, where: str
+    endpoint: WifiEndpoint, sent_mbps: float | None, received_mbps: float | None, who: str, where: str
 ) -> Iterator[BearerFinding]:
     """Compare the rates of the association with the declared floor.
 
@@ -304,14 +306,14 @@ def judge_rate(
     if floor is None:
         return
     hint = "look again while traffic flows; then look at level, channel and width"
-    if sent is None and received is None:
+    if sent_mbps is None and received_mbps is None:
         message = f"{where} does not say at which rate it is associated with {who}"
         yield BearerFinding(Verdict.INCONCLUSIVE, "rate-unknown", message, hint)
-    elif sent is not None and sent < floor:
-        message = f"{where} sends to {who} at {sent:g} Mbit/s, below {floor:g} Mbit/s"
+    elif sent_mbps is not None and sent_mbps < floor:
+        message = f"{where} sends to {who} at {sent_mbps:g} Mbit/s, below {floor:g} Mbit/s"
         yield BearerFinding(Verdict.FAIL, "rate-low", message, hint)
-    elif received is not None and received < floor:
-        message = f"{where} last received from {who} at {received:g} Mbit/s, below {floor:g} Mbit/s"
+    elif received_mbps is not None and received_mbps < floor:
+        message = f"{where} last received from {who} at {received_mbps:g} Mbit/s, below {floor:g} Mbit/s"
         yield BearerFinding(Verdict.WARN, "rate-low", message, hint)
 
 
@@ -338,7 +340,7 @@ class AssociatedProbe:
     def asks(self) -> tuple[Question, ...]:
         """Give the radio's view, the interface and the way to the vehicle."""
         radio = self.endpoint.interface
-        requested = (
+        requests = (
             RunProgram("link", self.place, ("iw", "dev", radio, "link")),
             RunProgram("stations", self.place, ("iw", "dev", radio, "station", "dump")),
             RunProgram("info", self.place, ("iw", "dev", radio, "info")),
@@ -346,27 +348,27 @@ class AssociatedProbe:
             card_request(self.place, radio),
         )
         if self.address is None:
-            return requested
-        return (*requested, route_request(self.place, self.address), ping_request(self.place, self.address))
+            return requests
+        return (*requests, route_request(self.place, self.address), ping_request(self.place, self.address))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Association first: without it nothing else speaks of this vehicle."""
         addr = results.get("addr")
         absent = (*not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
         if absent:
-            return Judged(absent[:1])
+            return ProbeResult(absent[:1])
         link = self._link(results)
         if link is None:
             text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
             message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
-            return Judged((apart,), self._evidence(link, None))
+            return ProbeResult((apart,), self._evidence(link, None))
         station = read_station(_out(results, "stations"), link.bssid or "")
-        reached = self._reached(results)
-        found = (*self._identity(link, station), *self._radio_says(link, station, results), *reached.findings)
-        return Judged(found, (*self._evidence(link, station), *reached.evidence))
+        ping_result = self._judge_reachability(results)
+        findings = (*self._identity(link, station), *self._radio_says(link, station, results), *ping_result.findings)
+        return ProbeResult(findings, (*self._evidence(link, station), *ping_result.evidence))
 
     @property
     def _radio(self) -> str:
@@ -407,7 +409,7 @@ class AssociatedProbe:
             return BearerFinding(Verdict.FAIL, "no-client", message, hint)
         if link.bssid is None:
             hint = f"is {self.name} on and its antenna out of the water? Then compare SSID and key at both ends"
-            message = f"{self._radio} is not associated with {self._expected}"
+            message = f"{self._radio} is not associated with {self._target_text}"
             return BearerFinding(Verdict.FAIL, "not-associated", message, hint)
         ssid = self.endpoint.ssid
         if ssid is not None and link.ssid is not None and link.ssid != ssid:
@@ -418,13 +420,13 @@ class AssociatedProbe:
             hint = f"connect it to `{ssid}` when the other vehicle is done, or give each vehicle a radio of its own"
             return BearerFinding(Verdict.INCONCLUSIVE, "other-association", message, hint)
         if self.endpoint.mac is not None and link.bssid != str(self.endpoint.mac).upper():
-            message = f"{link.bssid} sends as {self._expected}, and the radio of {self.name} is {self.endpoint.mac}"
+            message = f"{link.bssid} sends as {self._target_text}, and the radio of {self.name} is {self.endpoint.mac}"
             hint = "correct `endpoints.wifi.mac` if its radio was exchanged; else find out who sends under this name"
             return BearerFinding(Verdict.FAIL, "other-radio", message, hint)
         return None
 
     @property
-    def _expected(self) -> str:
+    def _target_text(self) -> str:
         return f"`{self.endpoint.ssid}` of {self.name}" if self.endpoint.ssid else f"the access point of {self.name}"
 
     def _identity(self, link: WifiLink, station: Station | None) -> Iterator[BearerFinding]:
@@ -441,47 +443,49 @@ class AssociatedProbe:
     ) -> Iterator[BearerFinding]:
         yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
-        sent, received = _rates(link, station)
-        yield from judge_rate(self.endpoint, sent, received, self.name, self._radio)
+        sent_mbps, received_mbps = _rates(link, station)
+        yield from judge_rate(self.endpoint, sent_mbps, received_mbps, self.name, self._radio)
         width = read_width(_out(results, "info"))
         yield from judge_channel(self.country, link.frequency_mhz, width, self.name)
         rules = read_rules(_out(results, "rules"))
         yield from judge_country(self.country, rules, PLACES[self.place])
 
-    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Ping it; what goes another way than by this radio says nothing of it."""
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return Judged((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         card = read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:
             message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
             hint = f"type it there: ip route get {self.address}; then correct the address or the route"
-            return Judged((BearerFinding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),))
+            return ProbeResult(
+                (BearerFinding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),)
+            )
         if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
             message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
-            return Judged((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
-        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return judge_ping(expected, results.get("ping"))
+            return ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+        target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return judge_ping(target, results.get("ping"))
 
     def _evidence(self, link: WifiLink, station: Station | None) -> tuple[Evidence, ...]:
         at = self._radio
-        sent, received = _rates(link, station)
-        shown = (
+        sent_mbps, received_mbps = _rates(link, station)
+        values = (
             ("access point heard by", f"{link.ssid or '?'} ({link.bssid})" if link.bssid else "none", ""),
             ("channel of", link.frequency_mhz, "MHz"),
             ("signal at", _level(link, station), "dBm"),
             ("chains of", ", ".join(f"{item:g}" for item in station.chains_dbm) if station else None, "dBm"),
-            ("rate sent at by", sent, "Mbit/s"),
-            ("rate received at by", received, "Mbit/s"),
+            ("rate sent at by", sent_mbps, "Mbit/s"),
+            ("rate received at by", received_mbps, "Mbit/s"),
         )
-        result = tuple(read(f"{what} {at}", value, unit) for what, value, unit in shown if value not in {None, ""})
+        result = tuple(read(f"{what} {at}", value, unit) for what, value, unit in values if value not in {None, ""})
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*result, declared("signal wanted", bounds))
+        return (*result, declared_evidence("signal wanted", bounds))
 
 
 def _level(link: WifiLink, station: Station | None) -> float | None:
@@ -529,48 +533,48 @@ class RegisteredProbe:
             return tables
         return (*tables, route_request(self.place, self.address), ping_request(self.place, self.address))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
-        parts = [self._registration(results), self._reached(results)]
+        parts = [self._registration(results), self._judge_reachability(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
         findings = tuple(finding for part in parts for finding in part.findings)
-        return Judged(findings, tuple(evidence for part in parts for evidence in part.evidence))
+        return ProbeResult(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
-    def _registration(self, results: Mapping[str, Answer]) -> Judged:
+    def _registration(self, results: Mapping[str, Answer]) -> ProbeResult:
         host = self.endpoint.seen_by
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
             hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
-            return Judged((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
         answers = {family: results.get(family) for family in Family}
         if all(not isinstance(result, Rows) or result.trouble is not None for result in answers.values()):
-            return Judged((unasked(host, answers[Family.WIRELESS]),))
+            return ProbeResult((no_answer_finding(host, answers[Family.WIRELESS]),))
         tables = {family: rows for family, answer in answers.items() if (rows := rows_of(answer)) is not None}
         if not tables:
             message = f"{host} has no registration table, in neither of its two menus for radios"
             hint = "is `endpoints.wifi.seen_by` the device with the access point? RouterOS 7.13 on needs a package"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
         peers = [peer for family, rows in tables.items() for peer in read_wifi(family, rows, None).peers]
-        return self._registered(host, peers)
+        return self._judge_registration(host, peers)
 
-    def _registered(self, host: str, peers: list[WifiPeer]) -> Judged:
+    def _judge_registration(self, host: str, peers: list[WifiPeer]) -> ProbeResult:
         others = f"{len(peers)} other{'' if len(peers) == 1 else 's'}" if peers else "nobody else"
         if self.mac is None:
             message = f"nobody has declared the MAC address of {self.name}, by which {host} would know it"
             hint = "write `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
-            return Judged((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
         mine = next((peer for peer in peers if peer.mac == self.mac), None)
         if mine is None:
             message = f"{self.name} ({self.mac}) is not registered at {host}; {others} is"
             hint = "is it on, with the SSID and key of the site? If its radio was exchanged, correct its MAC address"
-            return Judged(
+            return ProbeResult(
                 (BearerFinding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),)
             )
-        return Judged(tuple(self._findings(host, mine)), self._evidence(host, mine))
+        return ProbeResult(tuple(self._findings(host, mine)), self._evidence(host, mine))
 
     def _findings(self, host: str, peer: WifiPeer) -> Iterator[BearerFinding]:
-        if peer.authorised is False:
+        if peer.is_authorised is False:
             message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
             yield BearerFinding(
                 Verdict.FAIL, "not-authorised", message, "compare the key of the vehicle with the site's"
@@ -584,7 +588,7 @@ class RegisteredProbe:
 
     def _evidence(self, host: str, peer: WifiPeer) -> tuple[Evidence, ...]:
         chains = ", ".join("?" if item is None else f"{item:g}" for item in peer.chains_dbm)
-        shown = (
+        values = (
             ("station registered at", peer.mac, ""),
             ("signal at", peer.signal_dbm, "dBm"),
             ("chains of", chains or None, "dBm"),
@@ -593,20 +597,20 @@ class RegisteredProbe:
             ("rate received at by", peer.rx_rate_mbps, "Mbit/s"),
             ("registered for, at", peer.uptime_s, "s"),
         )
-        result = tuple(read(f"{what} {host}", value, unit) for what, value, unit in shown if value is not None)
+        result = tuple(read(f"{what} {host}", value, unit) for what, value, unit in values if value is not None)
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*result, declared("signal wanted", bounds))
+        return (*result, declared_evidence("signal wanted", bounds))
 
-    def _reached(self, results: Mapping[str, Answer]) -> Judged:
+    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return Judged((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+            return ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
         if local := tuple(own_address(self.place, self.name, self.address, way)):
-            return Judged(local)
-        expected = Pinged(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return judge_ping(expected, results.get("ping"))
+            return ProbeResult(local)
+        target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return judge_ping(target, results.get("ping"))
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:

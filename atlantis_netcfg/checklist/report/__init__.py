@@ -10,7 +10,7 @@ from __future__ import annotations
 from atlantis_netcfg.checklist.report._pages import pages
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.checklist.report._texts import item_title
-from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signed, to_look_at
+from atlantis_netcfg.checklist.report._words import body, ending, lines, seal, signature_line, to_look_at
 from atlantis_netcfg.checklist.report.document import (
     Document,
     Drawing,
@@ -54,6 +54,6 @@ __all__ = [
     "lines",
     "pages",
     "seal",
-    "signed",
+    "signature_line",
     "to_look_at",
 ]

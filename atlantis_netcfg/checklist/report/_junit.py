@@ -10,9 +10,9 @@ import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report._shapes import ShownState, grid, state
-from atlantis_netcfg.checklist.report._words import closing, english, evidence_words, signed
+from atlantis_netcfg.checklist.report._words import closing, english, evidence_words, signature_line
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.runs.report.drift import add, clean, count, skip, tell, written
+from atlantis_netcfg.runs.report.drift import add, clean, count, render_xml, skip, tell
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,15 +24,15 @@ _FAILURES = frozenset({ShownState.FAIL, ShownState.INCONCLUSIVE, ShownState.OPEN
 
 def junit(document: Document) -> bytes:
     """The file, the same for the same document."""
-    rehearsed = ", rehearsed: nothing real was checked" if document.rehearsed else ""
-    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsed}"))
+    rehearsal_note = ", rehearsed: nothing real was checked" if document.rehearsed else ""
+    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsal_note}"))
     root.append(_whole(document))
     for row in grid(document).rows:
         if row.items:
             root.append(_suite(row.row.key, row.items))
     if document.left_out:
         root.append(_left_out(document))
-    return written(root)
+    return render_xml(root)
 
 
 def _whole(document: Document) -> ET.Element:
@@ -40,7 +40,7 @@ def _whole(document: Document) -> ET.Element:
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
         add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, f"run {document.run}", closing(document, english), signed(document), *document.notes)
+    tell(case, f"run {document.run}", closing(document, english), signature_line(document), *document.notes)
     count(suite)
     return suite
 
@@ -49,20 +49,20 @@ def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
     seconds = sum(item.seconds or 0 for item in items)
     suite = ET.Element("testsuite", name=clean(key), time=f"{seconds:.3f}")
     for item in items:
-        given = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
-        _judge(ET.SubElement(suite, "testcase", given), item)
+        attributes = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
+        _judge(ET.SubElement(suite, "testcase", attributes), item)
     count(suite)
     return suite
 
 
 def _judge(case: ET.Element, item: Item) -> None:
-    shown = state(item)
+    shown_state = state(item)
     words = filter(None, (item.message, item.hint))
-    if shown in _FAILURES:
-        add(case, "failure", str(shown), *words)
-    elif shown is ShownState.ERROR:
-        add(case, "error", str(shown), *words)
-    elif shown is ShownState.SKIP:
+    if shown_state in _FAILURES:
+        add(case, "failure", str(shown_state), *words)
+    elif shown_state is ShownState.ERROR:
+        add(case, "error", str(shown_state), *words)
+    elif shown_state is ShownState.SKIP:
         skip(case, item.message)
     tell(case, *_lines(item))
 

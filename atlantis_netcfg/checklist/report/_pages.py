@@ -10,17 +10,17 @@ from markupsafe import Markup
 
 from atlantis_netcfg.checklist.report import _texts
 from atlantis_netcfg.checklist.report._junit import junit
-from atlantis_netcfg.checklist.report._photos import attached
+from atlantis_netcfg.checklist.report._photos import find_attachments
 from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
-from atlantis_netcfg.checklist.report._texts import coded
+from atlantis_netcfg.checklist.report._texts import split_code
 from atlantis_netcfg.checklist.report._words import (
     circumstances,
     counts,
     evidence_groups,
     headline,
     scope,
-    signed,
+    signature_line,
     title,
     to_look_at,
 )
@@ -50,7 +50,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
         heading=_texts.heading(document),
         name=_texts.name_of_page(document),
         zone=document.time_zone,
-        signed=signed(document),
+        signed=signature_line(document),
         grid=grid(document),
         headline=headline(document),
         counts=counts(document.items),
@@ -59,7 +59,7 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
         first=to_look_at(document),
         overridden=[item for item in document.items if item.override is not None],
         unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
-        attached=attached(document, files),
+        attached=find_attachments(document, files),
     )
 
 
@@ -107,7 +107,7 @@ def _message(message: str) -> Markup:
 
 def _with_code(text: str) -> Markup:
     shapes = {False: Markup("{}"), True: Markup("<code>{}</code>")}
-    return Markup().join(shapes[is_code].format(clean(piece)) for piece, is_code in coded(text))
+    return Markup().join(shapes[is_code].format(clean(piece)) for piece, is_code in split_code(text))
 
 
 def _data_uri(photo: Photo) -> str:

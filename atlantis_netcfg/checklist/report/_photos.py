@@ -41,11 +41,11 @@ class Photo:
     data: bytes
     width: int
     height: int
-    reduced: bool
+    is_reduced: bool
 
 
 @dataclass(frozen=True, slots=True)
-class Attached:
+class Attachment:
     """A file of evidence."""
 
     name: str
@@ -56,30 +56,30 @@ class Attached:
     """The file is gone, or is another one than the document says."""
 
 
-def attached(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attached]:
+def find_attachments(document: Document, files: Mapping[str, bytes]) -> dict[tuple[str, str | None], Attachment]:
     """Every file that the document names, by its name and SHA-256, in the order of the document."""
-    values: dict[tuple[str, str | None], Attached] = {}
-    left = ALL_BYTES
+    values: dict[tuple[str, str | None], Attachment] = {}
+    remaining_bytes = ALL_BYTES
     for evidence in (entry for item in document.items for entry in item.evidence):
         if evidence.file is not None and (evidence.file, evidence.sha256) not in values:
-            picture = _attached(evidence.file, evidence, files.get(evidence.file), left)
-            left -= len(picture.photo.data) if picture.photo is not None else 0
+            picture = _build_attachment(evidence.file, evidence, files.get(evidence.file), remaining_bytes)
+            remaining_bytes -= len(picture.photo.data) if picture.photo is not None else 0
             values[evidence.file, evidence.sha256] = picture
     return values
 
 
-def _attached(name: str, evidence: Evidence, data: bytes | None, left: int) -> Attached:
+def _build_attachment(name: str, evidence: Evidence, data: bytes | None, remaining_bytes: int) -> Attachment:
     digest = f"SHA-256 {evidence.sha256}" if evidence.sha256 is not None else "without a SHA-256"
     if data is None:
-        return Attached(name, f"{digest}; the file is not beside this document", None, amiss=True)
-    found = hashlib.sha256(data).hexdigest()
-    if evidence.sha256 is not None and evidence.sha256 != found:
-        return Attached(name, f"{digest}; the file there is ANOTHER ONE, with {found}", None, amiss=True)
+        return Attachment(name, f"{digest}; the file is not beside this document", None, amiss=True)
+    actual_digest = hashlib.sha256(data).hexdigest()
+    if evidence.sha256 is not None and evidence.sha256 != actual_digest:
+        return Attachment(name, f"{digest}; the file there is ANOTHER ONE, with {actual_digest}", None, amiss=True)
     photo = _photo(data)
-    if photo is not None and len(photo.data) > left:
-        return Attached(name, f"{digest}; not shown, there are too many pictures", None)
-    smaller = "; shown smaller than it is" if photo is not None and photo.reduced else ""
-    return Attached(name, f"{digest}; {len(data)} bytes{smaller}", photo)
+    if photo is not None and len(photo.data) > remaining_bytes:
+        return Attachment(name, f"{digest}; not shown, there are too many pictures", None)
+    smaller = "; shown smaller than it is" if photo is not None and photo.is_reduced else ""
+    return Attachment(name, f"{digest}; {len(data)} bytes{smaller}", photo)
 
 
 def _photo(data: bytes) -> Photo | None:
@@ -101,12 +101,12 @@ def _photo_of(image: Image.Image, data: bytes) -> Photo:
     small = len(data) <= PLAIN_BYTES and max(image.size) <= SIDE
     if small and bare and image.format in {"JPEG", "PNG"}:
         image.load()
-        return Photo(_MEDIA[image.format], data, *image.size, reduced=False)
+        return Photo(_MEDIA[image.format], data, *image.size, is_reduced=False)
     whole = sorted(image.size)
     image.draft("RGB", (SIDE, SIDE))
-    turned = ImageOps.exif_transpose(image).convert("RGB")
-    turned.info.clear()  # a comment would be written again
-    turned.thumbnail((SIDE, SIDE))
-    kept = io.BytesIO()
-    turned.save(kept, "JPEG", quality=_QUALITY)
-    return Photo(_MEDIA["JPEG"], kept.getvalue(), *turned.size, reduced=sorted(turned.size) != whole)
+    picture = ImageOps.exif_transpose(image).convert("RGB")
+    picture.info.clear()  # a comment would be written again
+    picture.thumbnail((SIDE, SIDE))
+    buffer = io.BytesIO()
+    picture.save(buffer, "JPEG", quality=_QUALITY)
+    return Photo(_MEDIA["JPEG"], buffer.getvalue(), *picture.size, is_reduced=sorted(picture.size) != whole)

@@ -125,7 +125,7 @@ class DrawnWire:
 
     points: tuple[tuple[float, float], ...]
     state: ShownState | None
-    dashed: bool = False
+    is_dashed: bool = False
     """It goes through a tunnel, or through water and air."""
 
 
@@ -160,12 +160,12 @@ def cut(text: str, room: float, dots: str = "…") -> str:
     line = " ".join(visible(text).split())
     if letters_of(line) <= room:
         return line
-    kept = ""
+    prefix = ""
     for letter in line:
-        if letters_of(kept + letter) > room - 1:
+        if letters_of(prefix + letter) > room - 1:
             break
-        kept += letter
-    return f"{kept.rstrip()}{dots}"
+        prefix += letter
+    return f"{prefix.rstrip()}{dots}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,21 +262,21 @@ class Grid:
 
 def grid(document: Document) -> Grid:
     """Arrange a document. An item whose row nobody declared gets a row: none is left out."""
-    rows = [*document.rows, *_undeclared(document)]
-    named = [endpoint for row in rows for endpoint in (*row.table3, *row.beside)]
-    every = dict.fromkeys([*named, *(item.endpoint for item in document.items)])
+    rows = [*document.rows, *_undeclared_rows(document)]
+    endpoints = [endpoint for row in rows for endpoint in (*row.table3, *row.beside)]
+    every = dict.fromkeys([*endpoints, *(item.endpoint for item in document.items)])
     beside = tuple(endpoint for endpoint in every if endpoint not in document.columns)
     columns = (*document.columns, *beside)
     return Grid(document.columns, beside, tuple(_row(document, row, columns) for row in rows))
 
 
-def _undeclared(document: Document) -> list[Row]:
-    known = {(row.key, row.kind == "location") for row in document.rows}
+def _undeclared_rows(document: Document) -> list[Row]:
+    known_keys = {(row.key, row.kind == "location") for row in document.rows}
     keys = dict.fromkeys((item.vehicle or item.location, item.vehicle is None) for item in document.items)
     return [
         Row(key=key, name=key, kind="location" if place else "vehicle", table3=())
         for key, place in keys
-        if (key, place) not in known
+        if (key, place) not in known_keys
     ]
 
 
@@ -290,6 +290,6 @@ def _row(document: Document, row: Row, columns: tuple[str, ...]) -> GridRow:
     cells = []
     for column in columns:
         items = tuple(item for item in here if item.endpoint == column)
-        marked = column in row.table3 or any(item.table3 for item in items)
-        cells.append(GridCell(column, marked, not marked and (column in row.beside or bool(items)), items))
+        is_in_table3 = column in row.table3 or any(item.table3 for item in items)
+        cells.append(GridCell(column, is_in_table3, not is_in_table3 and (column in row.beside or bool(items)), items))
     return GridRow(row, tuple(cells), tuple(here))

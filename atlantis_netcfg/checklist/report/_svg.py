@@ -86,10 +86,10 @@ class _SvgSheet:
     buses: list[float] = field(default_factory=list)
     """The common line below each row: above it hang badges of that row, below it stand those of the next."""
 
-    def state(self, named: Iterable[str]) -> ShownState | None:
+    def state(self, names: Iterable[str]) -> ShownState | None:
         """The worst of some items; None where there are none of them."""
-        known = [self.items[name] for name in named if name in self.items]
-        return worst_state(known) if known else None
+        known_items = [self.items[name] for name in names if name in self.items]
+        return worst_state(known_items) if known_items else None
 
 
 def states(document: Document) -> tuple[dict[str, ShownState | None], list[tuple[DrawnLink, ShownState | None]]]:
@@ -127,14 +127,14 @@ def _others(link: DrawnLink, ends: set[str]) -> set[str]:
 def _rows(nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> list[list[DrawnNode]]:
     """Rows of at most three, from the top."""
     routers = {node.key for node in nodes if node.kind == "router"}
-    cabled = {key for link in links if link.kind == "ethernet" for key in _others(link, routers)}
+    cabled_keys = {key for link in links if link.kind == "ethernet" for key in _others(link, routers)}
 
     def rank(node: DrawnNode) -> int:
-        own_server = node.kind == "vpn_server" and node.key in cabled
+        own_server = node.kind == "vpn_server" and node.key in cabled_keys
         return _LOCAL if own_server else _RANKS.get(node.kind, _LOCAL)
 
-    ranked = [list(some) for _, some in groupby(sorted(nodes, key=rank), key=rank)]
-    return [some[start : start + _IN_A_ROW] for some in ranked for start in range(0, len(some), _IN_A_ROW)]
+    row_groups = [list(some) for _, some in groupby(sorted(nodes, key=rank), key=rank)]
+    return [some[start : start + _IN_A_ROW] for some in row_groups for start in range(0, len(some), _IN_A_ROW)]
 
 
 def _devices(sheet: _SvgSheet, nodes: Sequence[DrawnNode], links: Sequence[DrawnLink]) -> float:
@@ -335,7 +335,7 @@ def drawing_svg(document: Document, *, wide: bool = False) -> str:
         },
     )
     ET.SubElement(root, "title", id=f"{name}-title").text = clean(translate(f"Drawing of {document.title}"))
-    ET.SubElement(root, "desc", id=f"{name}-words").text = clean("\n".join(described(document)))
+    ET.SubElement(root, "desc", id=f"{name}-words").text = clean("\n".join(describe_drawing(document)))
     for wire in shapes.wires:
         _wire(root, wire)
     for box in shapes.boxes:
@@ -345,18 +345,20 @@ def drawing_svg(document: Document, *, wide: bool = False) -> str:
     return ET.tostring(root, encoding="unicode", short_empty_elements=True)
 
 
-def described(document: Document) -> list[str]:
+def describe_drawing(document: Document) -> list[str]:
     """What the drawing shows, in sentences."""
     nodes, links = states(document)
     labels = {node.key: node.label for node in document.drawing.nodes}
     result = []
     for node in document.drawing.nodes:
-        found = nodes[node.key]
-        result.append(f"{node.label}{_beside(node.detail)}{_beside(str(found) if found is not None else '')}.")
-    for link, found in links:
+        shown_state = nodes[node.key]
+        result.append(
+            f"{node.label}{_beside(node.detail)}{_beside(str(shown_state) if shown_state is not None else '')}."
+        )
+    for link, shown_state in links:
         label = translate(link.label) if link.label.strip() else ""
         ends = f"{labels.get(link.a, link.a)}, {labels.get(link.b, link.b)}"
-        result.append(f"{ends}: {label}{_beside(str(found) if found is not None else '')}.")
+        result.append(f"{ends}: {label}{_beside(str(shown_state) if shown_state is not None else '')}.")
     return result or [translate("Nothing is declared.")]
 
 
@@ -371,10 +373,10 @@ def _group(root: ET.Element, state: ShownState | None, kind: str) -> ET.Element:
 def _wire(root: ET.Element, wire: DrawnWire) -> None:
     points = " ".join(f"{x:g},{y:g}" for x, y in wire.points)
     tint = TINTS[wire.state]
-    given = {"points": points, "fill": "none", "stroke": tint.edge, "stroke-width": "1.6", "class": "line"}
-    if wire.dashed:
-        given["stroke-dasharray"] = "4 3"
-    ET.SubElement(_group(root, wire.state, "wire"), "polyline", given)
+    attributes = {"points": points, "fill": "none", "stroke": tint.edge, "stroke-width": "1.6", "class": "line"}
+    if wire.is_dashed:
+        attributes["stroke-dasharray"] = "4 3"
+    ET.SubElement(_group(root, wire.state, "wire"), "polyline", attributes)
 
 
 def _box(root: ET.Element, box: DrawnBox) -> None:
@@ -400,5 +402,5 @@ def _badge(root: ET.Element, badge: Badge) -> None:
 
 
 def _write(group: ET.Element, text: str, at: tuple[float, float], how: dict[str, str]) -> None:
-    given = {"x": f"{at[0]:g}", "y": f"{at[1]:g}", "text-anchor": "middle", **how}
-    ET.SubElement(group, "text", given).text = clean(text)
+    attributes = {"x": f"{at[0]:g}", "y": f"{at[1]:g}", "text-anchor": "middle", **how}
+    ET.SubElement(group, "text", attributes).text = clean(text)

@@ -26,9 +26,9 @@ class PageText(StrEnum):
     """Headings, labels and sentences without values."""
 
     REHEARSAL = "REHEARSAL: nothing real was checked."
-    EMULATED = "Devices were emulated; so was all that they answered."
+    EMULATION_NOTE = "Devices were emulated; so was all that they answered."
     SEE_NOT_REHEARSED = "What was not rehearsed"
-    REHEARSED = "REHEARSED, nothing real was checked"
+    REHEARSAL_NOTE = "REHEARSED, nothing real was checked"
     BROKEN = "Broken on purpose:"
     VERDICT = "Verdict"
     SIGNATURE = "Signature"
@@ -52,7 +52,7 @@ class PageText(StrEnum):
     BEFORE = "Before"
     NOW = "Now"
     WHAT = "What"
-    UNCHANGED = "Nothing has changed."
+    NO_CHANGES = "Nothing has changed."
     NOT_CHECKED = "What was not checked, and why"
     ALL_CHECKED = "Everything on the list was looked at."
     NOTES = "Notes"
@@ -63,7 +63,7 @@ class PageText(StrEnum):
     MADE_FROM = "Made from"
     RUN = "Run"
     BEGAN = "Began"
-    ENDED = "Ended"
+    END = "Ended"
     NOT_YET = "not yet"
     TOOL = "Tool"
     INVENTORY = "Inventory"
@@ -110,7 +110,7 @@ def subtitle(document: Document) -> str:
         return f"Site `{document.site}`, {at}, mission `{document.mission}`"
     if not document.scope:
         return f"Site `{document.site}`, {at}"
-    scope = " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())
+    scope = " ".join(f"{name}={','.join(values)}" for name, values in document.scope.items())
     return f"Site `{document.site}`, {at}, only `{scope}`"
 
 
@@ -159,12 +159,12 @@ def name_of_page(document: Document) -> str:
 _CODE = re.compile(r"`([^`\s](?:[^`\n]*[^`\s])?)`")
 
 
-def coded(text: str) -> list[tuple[str, bool]]:
+def split_code(text: str) -> list[tuple[str, bool]]:
     """Text in pieces; what stands between back-ticks is code (True), and the back-ticks are gone."""
     pieces = enumerate(_CODE.split(text))
     return [(piece, bool(number % 2)) for number, piece in pieces if piece]
 
 
-def uncoded(text: str) -> str:
+def strip_code(text: str) -> str:
     """Text without the back-ticks around code, where a page has no letters for code."""
     return _CODE.sub(r"\1", text)

@@ -13,7 +13,7 @@ from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Grid, GridCel
 from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs, item_title
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, Styled, plain, visible
+from atlantis_netcfg.core.printable import Row, Style, StyledText, plain, visible
 from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
@@ -58,12 +58,12 @@ def by_state(items: Iterable[Item]) -> list[Item]:
 
 def to_look_at(document: Document) -> tuple[str, list[Item]]:
     """What somebody has to look at, the worst first, and a heading for it."""
-    every = [item for item in by_state(document.items) if state(item) not in _SETTLED]
+    every = [item for item in by_state(document.items) if state(item) not in _SETTLED_STATES]
     grave = any(state(item) not in GREEN for item in every)
     return "What to mend first" if grave else "What to look at", every
 
 
-_SETTLED = frozenset({ShownState.PASS, ShownState.SKIP, ShownState.OVERRIDDEN})
+_SETTLED_STATES = frozenset({ShownState.PASS, ShownState.SKIP, ShownState.OVERRIDDEN})
 
 
 def headline(document: Document) -> tuple[ShownState, str]:
@@ -71,12 +71,12 @@ def headline(document: Document) -> tuple[ShownState, str]:
     values = counts(document.items)
     if document.exit is ExitCode.NOTHING:
         return ShownState.NOT_CHECKED, "Nothing was checked"
-    shown = next(iter(values)) if document.exit is not ExitCode.DONE else _passed(values)
-    of_all, of_some = _HEADLINES.get(shown, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
-    return shown, of_some.format(scope=scope(document)) if document.scope else of_all
+    shown_state = next(iter(values)) if document.exit is not ExitCode.DONE else _pass_state(values)
+    of_all, of_some = _HEADLINES.get(shown_state, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
+    return shown_state, of_some.format(scope=scope(document)) if document.scope else of_all
 
 
-def _passed(values: Mapping[ShownState, int]) -> ShownState:
+def _pass_state(values: Mapping[ShownState, int]) -> ShownState:
     return next((state for state in (ShownState.OVERRIDDEN, ShownState.WARN) if state in values), ShownState.PASS)
 
 
@@ -96,7 +96,7 @@ _HEADLINES = {
 
 def scope(document: Document) -> str:
     """What it was narrowed to, in the words of the command line."""
-    return " ".join(f"{name}={','.join(chosen)}" for name, chosen in document.scope.items())
+    return " ".join(f"{name}={','.join(values)}" for name, values in document.scope.items())
 
 
 def english(text: str) -> str:
@@ -114,7 +114,7 @@ def closing(document: Document, say: Say) -> str:
     return f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(PageText.NO_ITEMS)}"
 
 
-def signed(document: Document) -> str:
+def signature_line(document: Document) -> str:
     """Who vouches for it."""
     if document.signed is None:
         return "NOT SIGNED: nobody vouches for it"
@@ -142,9 +142,9 @@ def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evi
 
 def evidence_words(evidence: Evidence) -> str:
     """One line of evidence, in English."""
-    kept = f"; kept as {evidence.file}" if evidence.file is not None else ""
+    file_note = f"; kept as {evidence.file}" if evidence.file is not None else ""
     digest = f", SHA-256 {evidence.sha256}" if evidence.sha256 is not None else ""
-    return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){kept}{digest}"
+    return f"{evidence.what}: {evidence.value} ({evidence_type(evidence, english, '')}){file_note}{digest}"
 
 
 def circumstances(item: Item, say: Say, zone: str) -> str:
@@ -189,10 +189,10 @@ def lines(document: Document) -> str:
 
 def body(document: Document) -> Iterator[str]:
     """All but its last lines."""
-    yield from _wrapped("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
+    yield from _wrap_words("", translate(f"Checklist of {document.site} ({document.title}), run {document.run}"))
     if document.rehearsed:
-        yield from _wrapped("", translate("REHEARSED on emulated devices: nothing real was checked"))
-        yield from _listed(f"broken on purpose: {item}" for item in document.broken)
+        yield from _wrap_words("", translate("REHEARSED on emulated devices: nothing real was checked"))
+        yield from _wrap_all(f"broken on purpose: {item}" for item in document.broken)
     yield ""
     yield from _grid(document)
     for item in by_state(document.items):
@@ -210,17 +210,17 @@ def body(document: Document) -> Iterator[str]:
 def seal(document: Document) -> Iterator[str]:
     """By what the signature is known."""
     if document.signed is not None:
-        yield from _wrapped("", translate(f"digest {document.signed.digest}"))
-        yield from _wrapped("", translate(f"key {document.signed.key}"))
+        yield from _wrap_words("", translate(f"digest {document.signed.digest}"))
+        yield from _wrap_words("", translate(f"key {document.signed.key}"))
 
 
-def ending(document: Document, room: int = 8, *, vouched: bool = True) -> list[Row]:
+def ending(document: Document, room: int = 8, *, with_signature: bool = True) -> list[Row]:
     """How it ended, in at most `room` lines: verdict, counts, the worst item with what to do.
 
-    `vouched`: and who has signed.
+    `with_signature`: and who has signed.
     """
     rows: list[Row] = [*_verdict_rows(document), *_counts_rows(document)]
-    last = [*_wrapped("", translate(signed(document)))] if vouched else []
+    last = [*_wrap_words("", translate(signature_line(document)))] if with_signature else []
     return [*rows, *_worst_rows(document, room - len(rows) - len(last)), *last]
 
 
@@ -235,29 +235,29 @@ _STYLES = {
 }
 
 
-def _coloured(shown: ShownState, text: str) -> str | Styled:
-    return Styled(text, _STYLES[shown]) if shown in _STYLES else text
+def _colour(shown_state: ShownState, text: str) -> str | StyledText:
+    return StyledText(text, _STYLES[shown_state]) if shown_state in _STYLES else text
 
 
 def _verdict_rows(document: Document) -> Iterator[Row]:
-    shown, words = headline(document)
-    mark = f"{ASCII[shown]} {shown}"
-    first, *rest = _wrapped("", f"{mark}: {translate(words)}")
-    yield (_coloured(shown, mark), first.removeprefix(mark))
+    shown_state, words = headline(document)
+    mark = f"{ASCII[shown_state]} {shown_state}"
+    first, *rest = _wrap_words("", f"{mark}: {translate(words)}")
+    yield (_colour(shown_state, mark), first.removeprefix(mark))
     yield from rest
 
 
 def _counts_rows(document: Document) -> Iterator[Row]:
     """How many of each, the exit code, and whether it was rehearsed."""
-    found = [(shown, f"{number} {shown}") for shown, number in counts(document.items).items()]
-    words = ", ".join(text for _, text in found) or translate(PageText.NO_ITEMS)
+    count_texts = [(shown_state, f"{number} {shown_state}") for shown_state, number in counts(document.items).items()]
+    words = ", ".join(text for _, text in count_texts) or translate(PageText.NO_ITEMS)
     rest = f"; {translate(f'exit {int(document.exit)}')}"
     if document.rehearsed:
         rest += f"; {translate('rehearsed')}"
-    if not found or len(words + rest) > _WIDTH:
-        yield from _wrapped("", words + rest)
+    if not count_texts or len(words + rest) > _WIDTH:
+        yield from _wrap_words("", words + rest)
         return
-    pieces = [piece for shown, text in found for piece in (", ", _coloured(shown, text))]
+    pieces = [piece for shown_state, text in count_texts for piece in (", ", _colour(shown_state, text))]
     yield (*pieces[1:], rest)
 
 
@@ -267,14 +267,14 @@ def _worst_rows(document: Document, room: int) -> Iterator[Row]:
     if not every:
         return
     worst, hint = every[0], every[0].hint
-    message = [*_wrapped("", f"{worst.id}: {translate(worst.message)}")]
-    advice = [*_wrapped("", f"-> {translate(hint)}", indent=2)] if hint else []
+    message = [*_wrap_words("", f"{worst.id}: {translate(worst.message)}")]
+    advice = [*_wrap_words("", f"-> {translate(hint)}", indent=2)] if hint else []
     for_advice = min(len(advice), max(room - len(message), room // 2))
-    yield from _shortened(message, room - for_advice)
-    yield from _shortened(advice, for_advice)
+    yield from _shorten(message, room - for_advice)
+    yield from _shorten(advice, for_advice)
 
 
-def _shortened(text: list[str], most: int) -> list[str]:
+def _shorten(text: list[str], most: int) -> list[str]:
     if len(text) <= most:
         return text
     return [*text[: most - 1], f"{text[most - 1][: _WIDTH - 4]} ..."] if most > 0 else []
@@ -335,22 +335,22 @@ def _legend(document: Document) -> Iterator[str]:
         result.append(translate("( ) not part of Table 3"))
     result += [translate(text) for item, text in _WORDS.items() if any(cell.state is item for cell in cells)]
     if result:
-        yield from _wrapped("", ", ".join(result))
+        yield from _wrap_words("", ", ".join(result))
     for row in document.rows:
         if row.deviation is not None:
-            yield from _wrapped("", translate(differs(row)))
+            yield from _wrap_words("", translate(differs(row)))
 
 
 def _item(item: Item, zone: str) -> Iterator[str]:
-    shown = state(item)
-    yield from _wrapped(f"{ASCII[shown]} {shown}", f"{item.id}: {item_title(item)}")
-    yield from _wrapped("", translate(item.message), indent=_MARGIN)
+    shown_state = state(item)
+    yield from _wrap_words(f"{ASCII[shown_state]} {shown_state}", f"{item.id}: {item_title(item)}")
+    yield from _wrap_words("", translate(item.message), indent=_MARGIN)
     if item.hint:
-        yield from _wrapped("", f"-> {translate(item.hint)}", indent=_MARGIN)
+        yield from _wrap_words("", f"-> {translate(item.hint)}", indent=_MARGIN)
     if item.override is not None:
         at = time_text(item.override.at, zone)
         words = f"{item.verdict}, overridden by {item.override.by}, {at}: {item.override.reason}"
-        yield from _wrapped("", translate(words), indent=_MARGIN)
+        yield from _wrap_words("", translate(words), indent=_MARGIN)
 
 
 def _brief(document: Document) -> Iterator[str]:
@@ -359,27 +359,27 @@ def _brief(document: Document) -> Iterator[str]:
         for item in document.items:
             if state(item) is entry:
                 words = f"{item.id}: {item_title(item)} ({translate(item.message)})"
-                yield from _wrapped(f"{ASCII[entry]} {entry}", words)
-    passed = [item.id for item in document.items if state(item) is ShownState.PASS]
-    if passed:
-        yield from _wrapped(f"{ASCII[ShownState.PASS]} PASS", ", ".join(passed))
+                yield from _wrap_words(f"{ASCII[entry]} {entry}", words)
+    passed_ids = [item.id for item in document.items if state(item) is ShownState.PASS]
+    if passed_ids:
+        yield from _wrap_words(f"{ASCII[ShownState.PASS]} PASS", ", ".join(passed_ids))
 
 
 def _beside(document: Document) -> Iterator[str]:
     reasons = dict.fromkeys(entry.why for entry in document.left_out)
     for why in reasons:
         what = ", ".join(item.what for item in document.left_out if item.why == why)
-        yield from _listed([f"not checked: {what} ({why})"])
-    yield from _listed(f"note: {note}" for note in document.notes)
+        yield from _wrap_all([f"not checked: {what} ({why})"])
+    yield from _wrap_all(f"note: {note}" for note in document.notes)
     if document.since_green is not None:
         green = document.since_green
         at = time_text(green.at, document.time_zone)
-        yield from _listed([f"since run {green.run} of {at}, which was green:"])
+        yield from _wrap_all([f"since run {green.run} of {at}, which was green:"])
         for change in green.changes:
-            yield from _wrapped("", change_line(change, translate), indent=2)
+            yield from _wrap_words("", change_line(change, translate), indent=2)
         if not green.changes:
             yield translate("  nothing has changed")
-    yield from _listed(f"not rehearsed: {item}" for item in (document.not_rehearsed if document.rehearsed else ()))
+    yield from _wrap_all(f"not rehearsed: {item}" for item in (document.not_rehearsed if document.rehearsed else ()))
 
 
 def change_line(change: ItemChange, say: Say) -> str:
@@ -388,12 +388,12 @@ def change_line(change: ItemChange, say: Say) -> str:
     return f"{change.id}: {before} -> {after}: {say(change.message)}"
 
 
-def _listed(every: Iterable[str]) -> Iterator[str]:
+def _wrap_all(every: Iterable[str]) -> Iterator[str]:
     for item in every:
-        yield from _wrapped("", translate(item))
+        yield from _wrap_words("", translate(item))
 
 
-def _wrapped(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:
+def _wrap_words(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:
     """Words that begin behind a mark, broken where the console ends; a line feed of theirs breaks as well."""
     start = _MARGIN if mark else indent
     width = _WIDTH - start

@@ -245,5 +245,5 @@ class Document(_Data):
         if not self.items or all(item.verdict is Verdict.SKIP for item in self.items):
             return ExitCode.NOTHING
         green = {Verdict.PASS, Verdict.WARN, Verdict.SKIP}
-        done = all(item.counts in green and (not item.open or item.override) for item in self.items)
-        return ExitCode.DONE if done else ExitCode.CHECKS_FAILED
+        is_done = all(item.counts in green and (not item.open or item.override) for item in self.items)
+        return ExitCode.DONE if is_done else ExitCode.CHECKS_FAILED

@@ -8,16 +8,16 @@ by the byte, before somebody has agreed to pay; a place that cannot be asked ans
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, NotReached, way_in
+from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, GatewayUnreachable, way_in
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
 from atlantis_netcfg.checklist.runner._run import examine, utc_now
 from atlantis_netcfg.checklist.runner.cost import previews
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, unanswered
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, telling, trouble_answer
 
 __all__ = [
     "Ears",
     "GatewayAccess",
-    "NotReached",
+    "GatewayUnreachable",
     "OnAnswer",
     "Questions",
     "RealEars",
@@ -26,7 +26,7 @@ __all__ = [
     "examine",
     "previews",
     "telling",
-    "unanswered",
+    "trouble_answer",
     "utc_now",
     "way_in",
 ]

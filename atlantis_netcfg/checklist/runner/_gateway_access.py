@@ -10,7 +10,7 @@ from testinfra.backend.ssh import SshBackend  # type: ignore[import-untyped] # i
 from testinfra.host import Host as Testinfra  # type: ignore[import-untyped] # as above
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
-from atlantis_netcfg.core.processes.remote_process import Carrier, ProcessEnded
+from atlantis_netcfg.core.processes.remote_process import Carrier, ProcessResult
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
 from atlantis_netcfg.operations.computers._access import key_trouble
@@ -33,7 +33,7 @@ _GRACE_S, _GRACE_SLOWLY_S = 30.0, 270.0
 """To connect, to send and to hear the last answer; over a slow way a gap of 70 s may come in each of these."""
 
 
-class NotReached(NetcfgError):
+class GatewayUnreachable(NetcfgError):
     """A gateway was not asked, so that nothing is known of it."""
 
 
@@ -43,7 +43,7 @@ class _SshBackend(SshBackend):  # type: ignore[misc] # testinfra ships no types
     def __init__(self, carrier: Carrier, spec: str, **how: Any) -> None:  # noqa: ANN401 - as testinfra has it
         super().__init__(spec, **how)
         self.carrier = carrier
-        self.ended: ProcessEnded | None = None
+        self.ended: ProcessResult | None = None
 
     def run_local(self, command: str, *args: str) -> Any:  # noqa: ANN401 - testinfra's result
         """Run ssh itself, not a shell that runs it."""
@@ -69,7 +69,7 @@ class GatewayAccess:
     """What the way may take on top of what the computer itself needs."""
     sudo: bool
 
-    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> ProcessEnded:
+    def run(self, command: str, *words: str, carrier: Carrier | None = None) -> ProcessResult:
         """Run a command as root, in one connection; `%s` stands for a word that is quoted. Raises NotReached."""
         backend = _SshBackend(
             carrier or Carrier(),
@@ -85,18 +85,20 @@ class GatewayAccess:
         except RuntimeError as error:
             raise self._not_reached(str(getattr(error.args[0], "stderr", error)).strip(), backend.ended) from None
         except OSError as error:
-            raise NotReached(f"{self.name} was not reached: {error}", hint="install OpenSSH's client") from None
+            raise GatewayUnreachable(f"{self.name} was not reached: {error}", hint="install OpenSSH's client") from None
         assert backend.ended is not None  # noqa: S101 - it has just run
         return backend.ended
 
-    def _not_reached(self, text: str, ended: ProcessEnded | None) -> NotReached:
+    def _not_reached(self, text: str, result: ProcessResult | None) -> GatewayUnreachable:
         hint = "look at its power and its cable, then type the same again"
         if "Permission denied" in text:
             hint = f"bring your key there: `ssh-copy-id {self.login}`"
         elif (trouble := key_trouble(self.name, text)) is not None:
             text, hint = trouble
-        silent = "it did not answer in time" if ended is not None and ended.overdue else "ssh said nothing"
-        return NotReached(f"{self.name} was not reached: {text.splitlines()[-1] if text else silent}", hint=hint)
+        silent = "it did not answer in time" if result is not None and result.overdue else "ssh said nothing"
+        return GatewayUnreachable(
+            f"{self.name} was not reached: {text.splitlines()[-1] if text else silent}", hint=hint
+        )
 
 
 def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: str | None = None) -> GatewayAccess:
@@ -105,13 +107,13 @@ def way_in(declaration: Declaration, host: Host, request: Request, ssh_config: s
     `ssh_config`: a file of OpenSSH that says how the host's name is reached, in place of the declared address.
     """
     try:
-        refuse_examples(declaration, rehearsed=request.rehearsed or ssh_config is not None)
+        refuse_examples(declaration, is_rehearsal=request.rehearsed or ssh_config is not None)
         access = PARTS[ACCESS](declaration, host, request)
         slow = bearer_of(declaration, host, request.via.get(host.name)).rtt_s >= FAST_S
     except UsageError as error:
-        raise NotReached(str(error), hint=error.hint) from None
+        raise GatewayUnreachable(str(error), hint=error.hint) from None
     if request.rehearsed and host.name not in request.targets:
-        raise NotReached(f"{host.name} is not emulated in this rehearsal")
+        raise GatewayUnreachable(f"{host.name} is not emulated in this rehearsal")
     # ssh takes the first value of an option: what the access says comes after ours.
     options = [*(f"-o {option}" for option in _OPTIONS), access["ssh_args"]]
     return GatewayAccess(

@@ -30,9 +30,9 @@ from atlantis_netcfg.checklist.probes import (
     VpnMembersRequest,
 )
 from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
-from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, NotReached, way_in
+from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, GatewayUnreachable, way_in
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, in_words, unanswered
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, in_words, trouble_answer
 from atlantis_netcfg.checklist.runner.robots import ask_robots
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
@@ -72,18 +72,18 @@ class AgentProcess:
 
         Raises RuntimeError if the program itself has failed at a question, once all others are answered and told.
         """
-        made, loop = batch(self.questions), asyncio.get_running_loop()
+        request_batch, loop = batch(self.questions), asyncio.get_running_loop()
         by_key, words = dict(self.questions), ["it did not answer"]
 
         def line(text: bytes) -> None:
             loop.call_soon_threadsafe(self._line, text, time.time())
 
-        carrier = Carrier(program(made.asked), line, made.within_s + self.grace_s)
+        carrier = Carrier(program(request_batch.request), line, request_batch.within_s + self.grace_s)
         self._requests = time.time()
         await carrier.beside(lambda: words.append(carry(carrier)))
         if self._faults:
             raise self._faults[0]
-        rest = {key: unanswered(by_key[key], words[-1]) for key in by_key if key not in self.answers}
+        rest = {key: trouble_answer(by_key[key], words[-1]) for key in by_key if key not in self.answers}
         return {**self.answers, **rest}
 
     def _line(self, text: bytes, now: float) -> None:
@@ -115,10 +115,10 @@ async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str]
 
 def _here(carrier: Carrier, before: Sequence[str]) -> str:
     try:
-        ended = carrier.run([*before, sys.executable, "-I", "-c", BOOT])
+        result = carrier.run([*before, sys.executable, "-I", "-c", BOOT])
     except OSError as error:
         return f"the program that listens does not start on this computer: {error}"
-    return f"the program that listens has ended on this computer: {last_line(ended.err) or f'exit {ended.rc}'}"
+    return f"the program that listens has ended on this computer: {last_line(result.err) or f'exit {result.rc}'}"
 
 
 def last_line(data: bytes) -> str:
@@ -140,10 +140,10 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""
     try:
         way = way_in(declaration, host, request, ssh_config)
-    except NotReached as why:
+    except GatewayUnreachable as why:
         return all_unanswered(questions, in_words(why))
     carrier = bearer_of(declaration, host, request.via.get(host.name))
-    if carrier.metered and not request.rehearsed:
+    if carrier.is_metered and not request.rehearsed:
         questions = within_budget(questions)
         refuse_unpaid(declaration, host.site, carrier, questions, request)
     return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
@@ -151,17 +151,17 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
 
 def _there(way: GatewayAccess, carrier: Carrier) -> str:
     try:
-        ended = way.run("python3 -I -c %s", BOOT, carrier=carrier)
-    except NotReached as why:
+        result = way.run("python3 -I -c %s", BOOT, carrier=carrier)
+    except GatewayUnreachable as why:
         return in_words(why)
-    if ended.overdue:
+    if result.overdue:
         return f"{way.name} did not answer in time"
-    if ended.rc == _NO_SUCH:
+    if result.rc == _NO_SUCH:
         return f"{way.name} has no python3; on it: `apt-get install python3`"
-    if way.sudo and b"sudo" in ended.err:
+    if way.sudo and b"sudo" in result.err:
         rule = "`echo '%sudo ALL=(ALL) NOPASSWD: ALL' > /etc/sudoers.d/atlantis`"
         return f"whoever logs in on {way.name} does not become root without a password; on it, as root: {rule}"
-    return f"the program that listens has ended on {way.name}: {last_line(ended.err) or f'exit {ended.rc}'}"
+    return f"the program that listens has ended on {way.name}: {last_line(result.err) or f'exit {result.rc}'}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,8 +191,8 @@ class Routers:
             self._progress(self._look(looks), result),
             *(self._progress(self._prove(key, prove), result) for key, prove in proofs),
         ]
-        found = await asyncio.gather(*work)
-        return {key: answer for answers in found for key, answer in answers.items()}
+        answer_maps = await asyncio.gather(*work)
+        return {key: answer for answers in answer_maps for key, answer in answers.items()}
 
     @staticmethod
     async def _progress(work: Awaitable[Mapping[str, Answer]], result: OnAnswer) -> Mapping[str, Answer]:
@@ -208,15 +208,15 @@ class Routers:
     async def _session(self, host: Host, questions: Questions) -> Mapping[str, Answer]:
         gate(self.declaration, [host], self._reading)
         door = session_to(self.declaration, self.site, host, self.request)
-        requested = time.time()
-        async with door.opened() as session:
+        request_time = time.time()
+        async with door.open_session() as session:
             replies = await session.flight(
                 [command(request.query) for _, request in questions if isinstance(request, RouterOsQuery)]
             )
         now = time.time()
-        spent = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
-        self.notify(Event(host.name, Stage.DONE, spent))
-        return {key: _rows(reply, requested, now) for (key, _), reply in zip(questions, replies, strict=True)}
+        cost_text = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
+        self.notify(Event(host.name, Stage.DONE, cost_text))
+        return {key: _rows(reply, request_time, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
     async def _look(self, questions: Sequence[tuple[str, LinkStatusRequest]]) -> Mapping[str, Answer]:
         if not questions:
@@ -224,36 +224,36 @@ class Routers:
         hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
         try:
             gate(self.declaration, hosts, self._reading)
-            seen = await look(self.declaration, self.site, hosts, self._reading, self.notify)
+            link_states = await look(self.declaration, self.site, hosts, self._reading, self.notify)
         except NetcfgError as error:
             return all_unanswered(questions, in_words(error))
-        values = seen.as_dict()
+        values = link_states.as_dict()
         return {key: _link_status(values, item) for key, item in questions}
 
     async def _prove(self, key: str, question: AllowListTestRequest) -> Mapping[str, Answer]:
         try:
-            return {key: await self._proved(question)}
+            return {key: await self._prove_allow_list(question)}
         except NetcfgError as error:
-            return {key: unanswered(question, in_words(error))}
+            return {key: trouble_answer(question, in_words(error))}
 
-    async def _proved(self, question: AllowListTestRequest) -> Answer:
-        found = satellite_of(self.declaration, self.site, question.bearer)
-        via = self.request.via.get(found.router.name)
-        proving = found.proving(self.declaration, rehearsed=self.request.rehearsed, via=via)
+    async def _prove_allow_list(self, question: AllowListTestRequest) -> Answer:
+        satellite = satellite_of(self.declaration, self.site, question.bearer)
+        via = self.request.via.get(satellite.router.name)
+        proving = satellite.proving(self.declaration, is_rehearsal=self.request.rehearsed, via=via)
         proving.notify = self.notify
         self._pay(proving)
         began = time.monotonic()
-        proof = await asyncio.to_thread(try_out, self.declaration, found.router, self._reading, proving)
+        proof = await asyncio.to_thread(try_out, self.declaration, satellite.router, self._reading, proving)
         seconds = time.monotonic() - began
         bill = bills(self.declaration, proof, seconds)[question.bearer]
-        judged = (finding for _, finding in proof.judged)
-        return AllowListTestResult(None, "", (*judged, *proof.findings), bill.words, seconds)
+        findings = (finding for _, finding in proof.results)
+        return AllowListTestResult(None, "", (*findings, *proof.findings), bill.words, seconds)
 
     def _pay(self, proving: Proving) -> None:
         """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
         if self.request.rehearsed:
             return
-        dear = [item for item in previews(self.declaration, proving) if item.link.metered]
+        dear = [item for item in previews(self.declaration, proving) if item.link.is_metered]
         for entry in dear:
             if entry.over_cap:
                 raise entry.refusal()
@@ -261,14 +261,14 @@ class Routers:
             raise unpaid([preview.words for preview in dear], self.request.command)
 
 
-def _rows(reply: Reply, requested: float, now: float) -> Rows:
+def _rows(reply: Reply, request_time: float, now: float) -> Rows:
     words = "" if reply.trap is None else str(reply.trap.message)
-    return Rows(None, words, rows(reply), requested, now)
+    return Rows(None, words, rows(reply), request_time, now)
 
 
 def _link_status(values: Mapping[str, Mapping[str, object]], question: LinkStatusRequest) -> Answer:
     if question.bearer not in values:
-        return unanswered(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
+        return trouble_answer(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
     return LinkStatusResult(None, "", values[question.bearer])
 
 
@@ -282,8 +282,8 @@ def link_record(declaration: Declaration, request: Request, question: LinkRecord
 
     now = datetime.now(UTC)
     try:
-        kept = kept_runs(Store(request.state), question.site, question.bearer)
-        real = [item for item in kept if not item.run.emulated]
+        saved_runs = kept_runs(Store(request.state), question.site, question.bearer)
+        real = [item for item in saved_runs if not item.run.emulated]
         bearers = declaration.sites[question.site].bearers
         limits = next(thresholds_of(bearer) for bearer in bearers if bearer.name == question.bearer)
         return LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
@@ -327,24 +327,24 @@ class RealEars:
             if gateway is None:
                 return all_unanswered(questions, f"{self.site} has no gateway computer")
             return await ask_gateway(self.declaration, gateway, self.request, questions, result, self.ssh_config)
-        refuse_examples(self.declaration, rehearsed=self.request.rehearsed)
+        refuse_examples(self.declaration, is_rehearsal=self.request.rehearsed)
         routers = Routers(self.declaration, self.site, self.request, self.notify)
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
     async def _ask_here(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
         """Read what this computer keeps, listen for robots, and ask the rest by the program that listens."""
-        kept = {
+        record_answers = {
             key: link_record(self.declaration, self.request, question)
             for key, question in questions
             if isinstance(question, LinkRecordRequest)
         }
-        for key, answer in kept.items():
+        for key, answer in record_answers.items():
             result(key, answer)
         of_robots = [pair for pair in questions if isinstance(pair[1], RobotsHeardRequest | VpnMembersRequest)]
-        rest = [pair for pair in questions if pair[0] not in kept and pair not in of_robots]
+        rest = [pair for pair in questions if pair[0] not in record_answers and pair not in of_robots]
         work = [ask_robots(self.declaration, self.site, self.request, of_robots, result)] if of_robots else []
-        found = await asyncio.gather(*work, *([ask_here(rest, result)] if rest else []))
-        return kept | {key: answer for answers in found for key, answer in answers.items()}
+        answer_maps = await asyncio.gather(*work, *([ask_here(rest, result)] if rest else []))
+        return record_answers | {key: answer for answers in answer_maps for key, answer in answers.items()}
 
     def _name(self, place: Place, host: str | None) -> str:
         names = {

@@ -20,13 +20,13 @@ from atlantis_netcfg.checklist.probes import (
     RouterSolicitRequest,
     RunProgram,
 )
-from atlantis_netcfg.checklist.probes.registry import refused
+from atlantis_netcfg.checklist.probes.registry import find_refusal
 from atlantis_netcfg.checklist.report import Item, ItemFinding, ItemKind
-from atlantis_netcfg.checklist.runner.results import unanswered
-from atlantis_netcfg.core.crash_report import Crashed, crashed
+from atlantis_netcfg.checklist.runner.results import trouble_answer
+from atlantis_netcfg.core.crash_report import InternalError, report_crash
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import PlanEntry
-    from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Place, Question
+    from atlantis_netcfg.checklist.probes import Answer, Cell, Place, ProbeResult, Question
     from atlantis_netcfg.checklist.runner._real import Ears
     from atlantis_netcfg.links.status import Query
 
@@ -57,14 +57,14 @@ def unfit(entry: PlanEntry, questions: Sequence[Question]) -> str | None:
 
 
 def _unfit(entry: PlanEntry, question: Question) -> str | None:
-    if isinstance(question, RunProgram) and not allowed(question.argv):
+    if isinstance(question, RunProgram) and not is_allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
     if isinstance(question, RouterOsQuery) and not _reads(question.query):
         return f"`{question.query.path}` is no reading command"
     if isinstance(question, Listen):
-        return _elsewhere(entry.cell, question) or refused(question, active=entry.item.kind is ItemKind.ACTIVE)
-    timed = DhcpDiscoverRequest | RouterSolicitRequest | DdsDiscoverRequest | ReflectRequest
-    if isinstance(question, timed) and question.within_s > _LONGEST_S:
+        return _elsewhere(entry.cell, question) or find_refusal(question, active=entry.item.kind is ItemKind.ACTIVE)
+    timed_types = DhcpDiscoverRequest | RouterSolicitRequest | DdsDiscoverRequest | ReflectRequest
+    if isinstance(question, timed_types) and question.within_s > _LONGEST_S:
         return "it would take too long"
     if isinstance(question, ReflectRequest):
         return _not_ours(entry.cell, question)
@@ -72,10 +72,10 @@ def _unfit(entry: PlanEntry, question: Question) -> str | None:
 
 
 def _reads(query: Query) -> bool:
-    given = dict(query.arguments)
+    arguments = dict(query.arguments)
     if query.path in PINGS:
-        return given.get("count", "").isdecimal()
-    return query.command in READING and (query.command != "monitor" or "once" in given)
+        return arguments.get("count", "").isdecimal()
+    return query.command in READING and (query.command != "monitor" or "once" in arguments)
 
 
 def _elsewhere(cell: Cell, listen: Listen) -> str | None:
@@ -111,7 +111,7 @@ def _not_ours(cell: Cell, question: ReflectRequest) -> str | None:
 
 
 def _addresses(cell: Cell) -> Iterator[object]:
-    yield from (reservation.address for reservation in cell.declared.lan.reservations)
+    yield from (reservation.address for reservation in cell.site_config.lan.reservations)
     yield from _of_endpoints(cell, "address")
     for vehicle in cell.declaration.vehicles:
         place = type(cell)(cell.declaration, cell.site, vehicle, cell.endpoint)
@@ -122,12 +122,12 @@ def _addresses(cell: Cell) -> Iterator[object]:
 
 def _of_endpoints(cell: Cell, field: str) -> Iterator[object]:
     """This field of all endpoints of the row's own site, and of its vehicles."""
-    rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.declared.location.endpoints)
+    rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.site_config.location.endpoints)
     for row in rows:
         for column in type(row).model_fields:
-            found = getattr(getattr(row, column), field, None)
-            if found is not None:
-                yield found
+            value = getattr(getattr(row, column), field, None)
+            if value is not None:
+                yield value
 
 
 LIMIT_S: Final = 1800.0
@@ -161,7 +161,7 @@ class _PlaceBatch:
 
     place: Place
     host: str | None
-    asked: dict[Question, str] = field(default_factory=dict)
+    key_by_question: dict[Question, str] = field(default_factory=dict)
     """Question without its name to its key."""
     wait: dict[str, list[tuple[_Open, str]]] = field(default_factory=dict)
     """Key to who wants the answer, and under which name."""
@@ -169,19 +169,19 @@ class _PlaceBatch:
     def add(self, item: _Open, question: Question) -> None:
         """Take a question in; the same one is not asked twice."""
         plain = replace(question, name="")
-        key = self.asked.setdefault(plain, f"{item.entry.item.id}#{question.name}")
+        key = self.key_by_question.setdefault(plain, f"{item.entry.item.id}#{question.name}")
         self.wait.setdefault(key, []).append((item, question.name))
 
     @property
     def questions(self) -> list[tuple[str, Question]]:
         """By their keys, in the order of the items; each with the name that its first asker gives it."""
-        return [(key, replace(question, name=key.rpartition("#")[2])) for question, key in self.asked.items()]
+        return [(key, replace(question, name=key.rpartition("#")[2])) for question, key in self.key_by_question.items()]
 
 
 async def examine(
     entries: Sequence[PlanEntry],
     ears: Ears,
-    settled: Callable[[Item], None],
+    on_settle: Callable[[Item], None],
     *,
     now: Callable[[], datetime] = utc_now,
     state: Callable[[], Path] = state_dir,
@@ -190,24 +190,24 @@ async def examine(
 
     Entries without a probe, and those that do not apply, come back as they are; one that is settled already is asked
     again. To hand over an active entry is to say that a person has consented.
-    `settled` is called once an item, in the order in which they are judged; `state` is the folder of the log file in
-    which the traceback of a probe that crashes is kept: such an item is ERROR. Nothing is raised but what `settled`
+    `on_settle` is called once an item, in the order in which they are judged; `state` is the folder of the log file in
+    which the traceback of a probe that crashes is kept: such an item is ERROR. Nothing is raised but what `on_settle`
     raises; the rest is given up then.
     """
     turn = _Turn(ears, now, state)
-    todo = [turn.opened(entry) for entry in entries if entry.step.probe is not None and not entry.step.unless]
-    found = {}
+    todo = [turn.open_item(entry) for entry in entries if entry.step.probe is not None and not entry.step.unless]
+    items = {}
     work = [asyncio.create_task(turn.ask(batch)) for batch in _batches(todo)]
     try:
         for _ in todo:
-            item = turn.judged(await turn.ready.get())
-            found[item.id] = item
-            settled(item)
+            item = turn.judge_item(await turn.ready.get())
+            items[item.id] = item
+            on_settle(item)
     finally:
         for task in work:
             task.cancel()
         await asyncio.gather(*work, return_exceptions=True)
-    return tuple(found.get(entry.item.id, entry.item) for entry in entries)
+    return tuple(items.get(entry.item.id, entry.item) for entry in entries)
 
 
 def _batches(todo: Iterable[_Open]) -> list[_PlaceBatch]:
@@ -228,9 +228,9 @@ class _Turn:
     ready: asyncio.Queue[_Open] = field(default_factory=asyncio.Queue)
     """Those whose last answer has come, or that have failed."""
     began: float = field(default_factory=time.monotonic)
-    faults: dict[BaseException, Crashed] = field(default_factory=dict)
+    faults: dict[BaseException, InternalError] = field(default_factory=dict)
 
-    def opened(self, entry: PlanEntry) -> _Open:
+    def open_item(self, entry: PlanEntry) -> _Open:
         """Ask a probe for its questions, and look at them before the wire."""
         item = _Open(entry)
         assert entry.step.probe is not None  # noqa: S101 - `examine` has looked
@@ -255,14 +255,14 @@ class _Turn:
         except Exception as fault:  # noqa: BLE001 - the other places go on
             if limit.expired():
                 late = f"nothing came back within {LIMIT_S:g} s"
-                self._take(batch, {key: unanswered(question, late) for key, question in questions})
+                self._take(batch, {key: trouble_answer(question, late) for key, question in questions})
             for item, _ in (waiter for waiters in batch.wait.values() for waiter in waiters):
                 self._fail(item, fault)
             return
-        rest = {key: unanswered(question, "nothing came back") for key, question in questions if key not in answers}
+        rest = {key: trouble_answer(question, "nothing came back") for key, question in questions if key not in answers}
         self._take(batch, {**rest, **answers})
 
-    def judged(self, item: _Open) -> Item:
+    def judge_item(self, item: _Open) -> Item:
         """Judge an item that has all its answers."""
         try:
             if item.fault is not None:
@@ -270,18 +270,18 @@ class _Turn:
             if item.unfit is not None:
                 return self._wrong(item, "not-allowed", f"this probe asks what it may not: {item.unfit}", _OURS)
             assert item.entry.step.probe is not None  # noqa: S101 - `examine` has looked
-            judged = item.entry.step.probe.judge(item.answers)
+            result = item.entry.step.probe.judge(item.answers)
         except Exception as fault:  # noqa: BLE001 - the other items go on
-            crash = self._crashed(fault, item.entry.item.id)
+            crash = self._record_crash(fault, item.entry.item.id)
             return self._wrong(item, "crashed", str(crash), crash.hint)
-        if not judged.findings:
+        if not result.findings:
             return self._wrong(item, "no-verdict", "this probe came to no verdict", _OURS)
-        return self._settled(item, judged)
+        return self._settle(item, result)
 
-    def _crashed(self, fault: BaseException, name: str) -> Crashed:
+    def _record_crash(self, fault: BaseException, name: str) -> InternalError:
         """One log file for a fault, however many items it takes down."""
         if fault not in self.faults:
-            self.faults[fault] = crashed(fault, f"checking {name}", self.state)
+            self.faults[fault] = report_crash(fault, f"checking {name}", self.state)
         return self.faults[fault]
 
     def _take(self, batch: _PlaceBatch, answers: Mapping[str, Answer]) -> None:
@@ -298,12 +298,12 @@ class _Turn:
             self.ready.put_nowait(item)
 
     def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> Item:
-        found = ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
-        return self._item(item, Verdict.ERROR, (found,))
+        finding = ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
+        return self._item(item, Verdict.ERROR, (finding,))
 
-    def _settled(self, item: _Open, judged: Judged) -> Item:
-        found = tuple(ItemFinding(**each.as_dict()) for each in judged.findings)
-        return self._item(item, judged.verdict, found).model_copy(update={"evidence": tuple(judged.evidence)})
+    def _settle(self, item: _Open, result: ProbeResult) -> Item:
+        findings = tuple(ItemFinding(**each.as_dict()) for each in result.findings)
+        return self._item(item, result.verdict, findings).model_copy(update={"evidence": tuple(result.evidence)})
 
     def _item(self, item: _Open, verdict: Verdict, findings: tuple[ItemFinding, ...]) -> Item:
         """The item with its verdict; its words are those of the first of its worst findings."""

@@ -51,7 +51,7 @@ _PARTICIPANTS: Final = 3_000
 _MESSAGE: Final = 650
 """A message that another computer sends back: both ways with the headers of IP, UDP and the VPN, then as JSON."""
 _ROUND_TRIPS: Final = 8
-_PACKED: Final = 1.4
+_JSON_OVERHEAD: Final = 1.4
 """JSON around what was heard; SSH packs it again, which is not counted on."""
 
 
@@ -72,13 +72,13 @@ def previews(
     """
     probes = [entry.step.probe for entry in entries if entry.step.probe is not None]
     questions = [question for probe in probes for question in probe.asks()]
-    found = (
+    all_previews = (
         *_of_gateway(declaration, site, questions, request),
         *_of_routers(declaration, site, questions, request),
         *_of_proofs(declaration, site, questions, request),
         *_of_robots(declaration, site, questions),
     )
-    return tuple(item for item in found if item.link.metered)
+    return tuple(item for item in all_previews if item.link.is_metered)
 
 
 def _of_gateway(
@@ -86,10 +86,10 @@ def _of_gateway(
 ) -> Iterator[Preview]:
     host = declaration.computer_of(site)
     alike = dict.fromkeys(replace(question, name="") for question in questions if question.place is Place.GATEWAY)
-    numbered = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
-    if host is not None and numbered:
+    numbered_questions = [(str(number), each) for number, each in enumerate(alike)]  # identical ones are asked once
+    if host is not None and numbered_questions:
         carrier = bearer_of(declaration, host, request.via.get(host.name))
-        yield expected(declaration, site, carrier, within_budget(numbered))
+        yield estimate(declaration, site, carrier, within_budget(numbered_questions))
 
 
 def _of_routers(
@@ -108,9 +108,9 @@ def _of_proofs(
     declaration: Declaration, site: str, questions: Sequence[Question], request: Request
 ) -> Iterator[Preview]:
     for name in dict.fromkeys(question.bearer for question in questions if isinstance(question, AllowListTestRequest)):
-        found = satellite_of(declaration, site, name)
-        via = request.via.get(found.router.name)
-        yield from proof_previews(declaration, found.proving(declaration, rehearsed=False, via=via))
+        satellite = satellite_of(declaration, site, name)
+        via = request.via.get(satellite.router.name)
+        yield from proof_previews(declaration, satellite.proving(declaration, is_rehearsal=False, via=via))
 
 
 def _of_robots(declaration: Declaration, site: str, questions: Sequence[Question]) -> Iterator[Preview]:
@@ -120,11 +120,15 @@ def _of_robots(declaration: Declaration, site: str, questions: Sequence[Question
                 yield cost
 
 
-def expected(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:
+def estimate(declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions) -> Preview:
     """What one turn of questions costs at most over the way to a gateway."""
-    made = batch(questions)
-    nbytes = _SSH + len(program(made.asked)) + round(_PACKED * sum(_answer(request) for _, request in questions))
-    seconds = made.within_s + _ROUND_TRIPS * carrier.rtt_s
+    request_batch = batch(questions)
+    nbytes = (
+        _SSH
+        + len(program(request_batch.request))
+        + round(_JSON_OVERHEAD * sum(_answer(request) for _, request in questions))
+    )
+    seconds = request_batch.within_s + _ROUND_TRIPS * carrier.rtt_s
     return preview(nbytes, seconds, link_of(declaration, site, carrier.name), at_most=True)
 
 
@@ -132,11 +136,11 @@ def refuse_unpaid(
     declaration: Declaration, site: str, carrier: BearerProfile, questions: Questions, request: Request
 ) -> None:
     """Raise CostRefused if nobody has agreed to pay, or if it is more than the declaration admits."""
-    found = expected(declaration, site, carrier, questions)
-    if found.over_cap:
-        raise found.refusal()
+    cost_preview = estimate(declaration, site, carrier, questions)
+    if cost_preview.over_cap:
+        raise cost_preview.refusal()
     if not request.accept_cost:
-        raise unpaid([found.words], request.command)
+        raise unpaid([cost_preview.words], request.command)
 
 
 def _most(listen: Listen) -> int:

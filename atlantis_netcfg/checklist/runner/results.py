@@ -47,16 +47,16 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 
-def telling(notify: Subscriber, total: int, settled: Callable[[Item], None]) -> Callable[[Item], None]:
-    """Give a `settled` for `examine` that also tells of each item: `done` of `total`, its verdict and its words."""
-    done = 0
+def telling(notify: Subscriber, total: int, on_settle: Callable[[Item], None]) -> Callable[[Item], None]:
+    """Return an `on_settle` for `examine` that also reports each item: `done_count` of `total`, verdict, message."""
+    done_count = 0
 
     def tell(item: Item) -> None:
-        nonlocal done
-        settled(item)
-        done += 1
+        nonlocal done_count
+        on_settle(item)
+        done_count += 1
         data = {"verdict": item.verdict.value, "seconds": item.seconds}
-        notify(Event(item.id, Stage.DONE, f"{item.verdict.value}: {item.message}", done, total, data))
+        notify(Event(item.id, Stage.DONE, f"{item.verdict.value}: {item.message}", done_count, total, data))
 
     return tell
 
@@ -77,7 +77,7 @@ _ANSWERS: Mapping[type, type[Answer]] = {
 }
 
 
-def unanswered(question: Question, words: str, trouble: Trouble = Trouble.NO_PLACE) -> Answer:
+def trouble_answer(question: Question, words: str, trouble: Trouble = Trouble.NO_PLACE) -> Answer:
     """The answer of this kind of question that says nothing but its trouble, and why in words."""
     return _ANSWERS[type(question)](trouble, words)
 
@@ -89,7 +89,7 @@ def in_words(why: NetcfgError) -> str:
 
 def all_unanswered(questions: Questions, words: str) -> dict[str, Answer]:
     """The same of many, by their keys, where their place was not reached."""
-    return {key: unanswered(question, words) for key, question in questions}
+    return {key: trouble_answer(question, words) for key, question in questions}
 
 
 Questions = Sequence["tuple[str, Question]"]

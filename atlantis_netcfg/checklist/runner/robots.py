@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes import (
     VpnMember,
     VpnMembersResult,
 )
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, in_words, unanswered
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, in_words, trouble_answer
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.operations.common.costs import unpaid
 
@@ -35,7 +35,7 @@ async def ask_robots(
         try:
             answer = await _answer(declaration, site, request, question)
         except NetcfgError as why:
-            answer = unanswered(question, in_words(why))
+            answer = trouble_answer(question, in_words(why))
         result(key, answer)
         return key, answer
 

@@ -57,7 +57,7 @@ class Word:
 
     name: str
     help: str
-    required: bool = False
+    is_required: bool = False
     many: bool = False
     choices: tuple[str, ...] = ()
     example: str = ""
@@ -67,19 +67,19 @@ class Word:
     """Its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
 
     @property
-    def known(self) -> Values | None:
+    def value_kind(self) -> Values | None:
         """What its values are; None where nobody but the person knows them."""
         return self.values or _VALUES.get(self.name)
 
     @property
-    def shown(self) -> str:
+    def usage(self) -> str:
         """The word as help prints it."""
         choices = "|".join(self.choices)
         value = self.name.upper() if not choices or len(choices) > _LONG else choices
         return f"{self.name}={value}{',…' if self.many else ''}"
 
     @property
-    def typed(self) -> str:
+    def hint(self) -> str:
         """The word as a hint tells people to type it."""
         return f"{self.name}={self.example or (self.choices or (self.name.upper(),))[0]}"
 
@@ -98,7 +98,7 @@ class Flag:
     harmless: bool = False
 
     @property
-    def shown(self) -> str:
+    def usage(self) -> str:
         """The flag as help prints it."""
         value = f" {self.takes}" if self.takes else ""
         return f"-{self.short}, --{self.name}{value}" if self.short else f"--{self.name}{value}"
@@ -111,7 +111,7 @@ JSON = Flag("json", "print one JSON object instead of text, on errors as well")
 STREAM = Flag(
     "stream", "with --json: also one line for each device as soon as it has ended; the object is the last line"
 )
-UNPROTECTED = Flag(
+WITHOUT_PROTECTION = Flag(
     "without-protection", "change a device even though nothing would take the change back if it went wrong"
 )
 ACCEPT_COST = Flag("accept-cost", "allow traffic over a link that is paid by the byte; `--yes` does not allow it")
@@ -124,7 +124,7 @@ PROFILE = Flag("profile", "with --rehearse: over the link that a run of `provisi
 SUMMARY = Flag("summary", "with --plan: only how much would change on each device, and what it costs")
 VERBOSE = Flag("verbose", "say more about each step", short="v")
 YES = Flag("yes", "do not ask before changing devices")
-CHANGE = (ACCEPT_COST, UNPROTECTED, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
+CHANGE = (ACCEPT_COST, WITHOUT_PROTECTION, REMOVE_FOREIGN, ASK_VAULT_PASS, JSON, VERBOSE)
 """What every command takes that changes devices under the guard."""
 
 FRAME = (
@@ -189,7 +189,7 @@ class Arguments:
         self._declared_flag(name)
         return name in self.flags
 
-    def given(self, flag: Flag) -> bool:
+    def has_flag(self, flag: Flag) -> bool:
         """Whether a flag was given that not every command has."""
         return self.command.flag(flag.name) is not None and self.flag(flag.name)
 
@@ -216,10 +216,10 @@ class SeveralErrors(UsageError):
         self.errors = tuple(errors)
 
 
-def parse(command: CommandSpec, typed: Sequence[str]) -> Arguments:
+def parse(command: CommandSpec, words: Sequence[str]) -> Arguments:
     """Raise UsageError (several: SeveralErrors) unless every argument is understood and none is missing."""
     reader = _WordReader(command)
-    reader.read(list(typed))
+    reader.read(list(words))
     if len(reader.errors) > 1:
         raise SeveralErrors(reader.errors)
     if reader.errors:
@@ -238,9 +238,9 @@ class _WordReader:
         self._misspelt: set[str] = set()
         self._typed: list[str] = []
 
-    def read(self, typed: list[str]) -> None:
-        self._typed = typed
-        rest = list(reversed(typed))
+    def read(self, words: list[str]) -> None:
+        self._typed = words
+        rest = list(reversed(words))
         while rest:
             argument = rest.pop()
             if argument.startswith("-") and argument != "-":
@@ -267,8 +267,8 @@ class _WordReader:
     def _take(self, word: Word, argument: str, values: list[str], rest: list[str]) -> None:
         self._misspelt.add(word.name)  # whatever is wrong with it, it is not missing
         if "" in values:
-            typed = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
-            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{typed}`")
+            correction = f"{word.name}={','.join(value for value in [*values, _bare(rest)] if value)}"
+            self._error(f"`{argument}` has an empty place in its list", f"write it without spaces: `{correction}`")
         elif word.name in self.words and not word.many:
             both = f"`{word.name}={self.words[word.name][0]}`, `{argument}`"
             self._error(f"`{word.name}=` is given twice", f"keep one of {both}")
@@ -280,14 +280,16 @@ class _WordReader:
         for value in values:
             if word.choices and value not in word.choices:
                 near = nearest(value, word.choices)
-                known = f"it takes one of: {', '.join(word.choices)}"
-                self._error(f"`{argument}`: `{value}` is not known", _meant(near and f"{word.name}={near}", known))
+                choices_text = f"it takes one of: {', '.join(word.choices)}"
+                self._error(
+                    f"`{argument}`: `{value}` is not known", _suggest(near and f"{word.name}={near}", choices_text)
+                )
 
     def _refuse_spaces(self, word: Word, argument: str, value: str) -> None:
         """For `site=`, and for `site = coastal` and its like, whose pieces are one mistake."""
         self._misspelt.add(word.name)
-        typed = f"{word.name}={value}" if value else word.typed
-        self._error(f"`{argument}` has no value", f"write it without spaces: `{typed}`")
+        correction = f"{word.name}={value}" if value else word.hint
+        self._error(f"`{argument}` has no value", f"write it without spaces: `{correction}`")
 
     def _unknown_word(self, argument: str, name: str, value: str) -> None:
         near = nearest(name, [word.name for word in self.command.words])
@@ -296,19 +298,19 @@ class _WordReader:
         flag = self.command.flag(name)
         suggestion = f"--{name} {value}".rstrip() if flag is not None and flag.takes else near and f"{near}={value}"
         message = f"`{argument}`: `provision {self.command.name}` has no word `{name}=`"
-        self._error(message, _meant(suggestion, self._see_help()))
+        self._error(message, _suggest(suggestion, self._see_help()))
 
     def _read_flag(self, argument: str, rest: list[str]) -> None:
-        name, given, value = argument.lstrip("-").partition("=")
+        name, separator, value = argument.lstrip("-").partition("=")
         flag = self._find_flag(argument, name)
         if flag is None:
             self._unknown_flag(argument, name, value or (_bare(rest) if self.command.word(name) else ""))
         elif not flag.takes:
-            if given:
+            if separator:
                 self._error(f"`{argument}`: `--{flag.name}` takes no value", f"type `--{flag.name}`")
             self.flags[flag.name] = None
         else:
-            self._take_flag(flag, value if given else _bare(rest))
+            self._take_flag(flag, value if separator else _bare(rest))
 
     def _take_flag(self, flag: Flag, value: str) -> None:
         if flag.name in self.flags:
@@ -329,9 +331,9 @@ class _WordReader:
         word = self.command.word(name)
         if word is not None:
             self._misspelt.add(name)
-            hint = f"{name}={value}" if value else word.typed
+            hint = f"{name}={value}" if value else word.hint
         message = f"`{argument}`: `provision {self.command.name}` has no such flag"
-        self._error(message, _meant(hint, self._see_help()))
+        self._error(message, _suggest(hint, self._see_help()))
 
     def _refuse_bare(self, argument: str, rest: list[str]) -> None:
         word = self.command.word(argument)
@@ -345,16 +347,18 @@ class _WordReader:
             self._take(alone, argument, [argument], rest)
             return
         near = nearest(argument, [flag.name for flag in self.command.flags])
-        hint = _meant(self._named(argument, near) or (near and f"--{near}"), self._see_help())
+        hint = _suggest(self._suggest_word(argument, near) or (near and f"--{near}"), self._see_help())
         self._error(f"`{argument}`: `provision {self.command.name}` cannot place this word", hint)
 
-    def _named(self, argument: str, flag: str | None) -> str | None:
+    def _suggest_word(self, argument: str, flag: str | None) -> str | None:
         """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
         folder = folder_of(self._typed)
-        known = kind_of(folder, argument)
-        if known is None and flag is None and (near := nearest(argument, names(folder, Values.SITE))) is not None:
-            known, argument = Values.SITE, near
-        word = next((word for word in self.command.words if word.known is not None and word.known is known), None)
+        kind = kind_of(folder, argument)
+        if kind is None and flag is None and (near := nearest(argument, names(folder, Values.SITE))) is not None:
+            kind, argument = Values.SITE, near
+        word = next(
+            (word for word in self.command.words if word.value_kind is not None and word.value_kind is kind), None
+        )
         if word is None:
             return None
         self._misspelt.add(word.name)
@@ -362,8 +366,8 @@ class _WordReader:
 
     def _require(self) -> None:
         for word in self.command.words:
-            if word.required and word.name not in self.words and word.name not in self._misspelt:
-                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.typed}`")
+            if word.is_required and word.name not in self.words and word.name not in self._misspelt:
+                self._error(f"`{word.name}=` is missing: {word.help}", f"add it, as in `{word.hint}`")
 
     def _see_help(self) -> str:
         return f"`provision {self.command.name} --help` lists what it takes"
@@ -374,5 +378,5 @@ def _bare(rest: list[str]) -> str:
     return rest.pop() if rest and not rest[-1].startswith("--") and "=" not in rest[-1].strip("=") else ""
 
 
-def _meant(near: str | None, otherwise: str) -> str:
+def _suggest(near: str | None, otherwise: str) -> str:
     return f"did you mean `{near}`?" if near else otherwise

@@ -90,58 +90,58 @@ Help lists them by their groups, and in each group in this order."""
 def load(name: str, table: Mapping[str, str]) -> LoadedCommand:
     """Import the module of a command; `module:name` has the declaration `NAME` and the function `run_name`."""
     module, _, entry = table[name].partition(":")
-    imported = import_module(module)
-    return LoadedCommand(getattr(imported, entry.upper()), getattr(imported, f"run_{entry}"))
+    command_module = import_module(module)
+    return LoadedCommand(getattr(command_module, entry.upper()), getattr(command_module, f"run_{entry}"))
 
 
-def choose(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
+def choose(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
     """Which command a line means, and what is left for it; UsageError when the first word is no command."""
-    places = [place for place, argument in enumerate(typed) if not argument.startswith("-")]
+    places = [place for place, argument in enumerate(command_line) if not argument.startswith("-")]
     for length in range(len(places), 0, -1):
-        name = " ".join(typed[place] for place in places[:length])
+        name = " ".join(command_line[place] for place in places[:length])
         if name in table:
-            return name, [argument for place, argument in enumerate(typed) if place not in places[:length]]
-    if not places or _means_default(typed, places[0], table):
-        return _default(typed, table)
-    raise _no_such_command(typed, places, table)
+            return name, [argument for place, argument in enumerate(command_line) if place not in places[:length]]
+    if not places or _means_default(command_line, places[0], table):
+        return _default(command_line, table)
+    raise _no_such_command(command_line, places, table)
 
 
-def _means_default(typed: Sequence[str], first: int, table: Mapping[str, str]) -> bool:
+def _means_default(command_line: Sequence[str], first: int, table: Mapping[str, str]) -> bool:
     """Also where `site=coastal` was meant and `site = coastal` or `--site coastal` was typed."""
-    if "=" in typed[first]:
+    if "=" in command_line[first]:
         return True
     words = [word.name for word in load(DEFAULT, table).command.words]
-    return typed[first] in words or (first > 0 and typed[first - 1].lstrip("-") in words)
+    return command_line[first] in words or (first > 0 and command_line[first - 1].lstrip("-") in words)
 
 
-def _default(typed: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
-    for argument in typed:
+def _default(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str, list[str]]:
+    for argument in command_line:
         if argument in table and argument != DEFAULT:
-            hint = " ".join(["provision", argument, *(other for other in typed if other != argument)])
+            hint = " ".join(["provision", argument, *(other for other in command_line if other != argument)])
             raise UsageError(f"`{argument}` is a command: put it before its words", hint=f"type `{hint}`")
-    return DEFAULT, list(typed)
+    return DEFAULT, list(command_line)
 
 
-def _no_such_command(typed: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> UsageError:
-    words = [typed[place] for place in places]
+def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> UsageError:
+    words = [command_line[place] for place in places]
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
     near = nearest(" ".join(words[:2]), longer) or nearest(words[0], table)
     if longer and (near not in longer or len(words) == 1):
         hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
-    elif (line := _meant_line(typed, places[0], near, table)) is not None:
+    elif (line := _meant_line(command_line, places[0], near, table)) is not None:
         hint = f"did you mean `{line}`?"
     else:
         hint = "`provision --help` lists the commands; a site is typed as `site=NAME`"
     return UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
 
 
-def _meant_line(typed: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
+def _meant_line(command_line: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
     """The line that was meant, where its first word is a site, a flag of the default command, or nearly a command."""
     from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, names
 
-    sites = names(folder_of(typed), Values.SITE)
-    word, flags = typed[first], [flag.name for flag in load(DEFAULT, table).command.flags]
-    rest = [f"site={other}" if other in sites else other for place, other in enumerate(typed) if place != first]
+    sites = names(folder_of(command_line), Values.SITE)
+    word, flags = command_line[first], [flag.name for flag in load(DEFAULT, table).command.flags]
+    rest = [f"site={other}" if other in sites else other for place, other in enumerate(command_line) if place != first]
     if word in sites:
         command = next((name for name in (" ".join(rest[:2]), *rest[:1]) if name in table), None)
         if command is None:
@@ -150,8 +150,8 @@ def _meant_line(typed: Sequence[str], first: int, near: str | None, table: Mappi
         return shlex.join(["provision", *rest, *([f"site={word}"] if takes_site else [])])
     flag = word if word in flags else None if near else nearest(word, flags)
     if flag is not None:
-        named = [] if any(other.startswith("site=") for other in rest) else ["site=NAME"]
-        return shlex.join(["provision", *named, *rest, f"--{flag}"])
+        site_words = [] if any(other.startswith("site=") for other in rest) else ["site=NAME"]
+        return shlex.join(["provision", *site_words, *rest, f"--{flag}"])
     if near is not None:
         return f"provision {near}"
     site = nearest(word, sites)

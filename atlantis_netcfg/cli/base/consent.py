@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base.output import signal_of
 from atlantis_netcfg.core import language, printable
-from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.errors import DeviceError, UsageError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.operations.common.costs import unpaid
 
@@ -47,7 +47,7 @@ _ROOM = 62
 """Columns of a question with the words that it takes; `(item 7 of 37)` stands before it, and an answer behind it."""
 
 
-class Declined(DeviceFailed):
+class ConsentRefusal(DeviceError):
     """The person said no: every device is as it was."""
 
 
@@ -66,43 +66,43 @@ def plain(answer: str) -> str:
     return unicodedata.normalize("NFC", answer).strip().lower()
 
 
-def typed(question: str) -> str | None:
+def read_line(question: str) -> str | None:
     """What a person types; None at the end of the input. Raises Declined at Ctrl-C: nothing was sent yet."""
     try:
         return input(printable.lines(question))
     except EOFError:
         return None
     except KeyboardInterrupt as stop:
-        raise Declined(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
+        raise ConsentRefusal(f"stopped by {signal_of(stop)} at the question, so nothing was changed") from stop
 
 
-def yes_or_no(question: str, read: Callable[[str], str | None] = typed, say: Callable[[str], None] = print) -> bool:
+def yes_or_no(question: str, read: Callable[[str], str | None] = read_line, say: Callable[[str], None] = print) -> bool:
     """Ask what changes no device and costs nothing: `y` or `n` is enough."""
     words = f"[{shown_word(YES)}, {shown_word(NO)}]"
-    return _decided(f"{translate(question)} {words} ", _with_short(YES), translate("  type yes or no"), read, say)
+    return _decide(f"{translate(question)} {words} ", _with_short(YES), translate("  type yes or no"), read, say)
 
 
 def whole_word(
     question: str,
-    read: Callable[[str], str | None] = typed,
+    read: Callable[[str], str | None] = read_line,
     say: Callable[[str], None] = print,
     *,
     word: str = YES,
 ) -> bool:
     """Ask what has consequences: only the whole word agrees, and the question says so."""
-    shown = shown_word(word)
-    how = translate(f"Type {shown} to go on (the whole word), or {shown_word(NO)}:")
-    again = translate(f"  type the whole word {shown}, or {shown_word(NO)}")
+    display_word = shown_word(word)
+    how = translate(f"Type {display_word} to go on (the whole word), or {shown_word(NO)}:")
+    again = translate(f"  type the whole word {display_word}, or {shown_word(NO)}")
     shown_question = translate(question)
     gap = " " if len(f"{shown_question} {how}") <= _ROOM else "\n  "
-    return _decided(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
+    return _decide(f"{shown_question}{gap}{how} ", taken_words(word), again, read, say)
 
 
 def _with_short(word: str) -> tuple[str, ...]:
-    return tuple(item for known in taken_words(word) for item in (known, *_SHORT.get(known, ())))
+    return tuple(item for alternative in taken_words(word) for item in (alternative, *_SHORT.get(alternative, ())))
 
 
-def _decided(
+def _decide(
     question: str,
     agreeing: Sequence[str],
     again: str,
@@ -119,7 +119,7 @@ def _decided(
     return False
 
 
-def agreed(question: str) -> None:
+def require_agreement(question: str) -> None:
     """Return when the person agrees. Raises Declined, or UsageError when nobody is there to be asked."""
     if not sys.stdin.isatty():
         raise UsageError(
@@ -127,12 +127,12 @@ def agreed(question: str) -> None:
             hint="look at what would change, then type the same with `--yes`",
         )
     if not whole_word(question):
-        raise Declined("not agreed, so nothing was changed")
+        raise ConsentRefusal("not agreed, so nothing was changed")
 
 
-def pay(words: Sequence[str], *, accepted: bool, as_json: bool) -> None:
-    """Show what goes over links that are paid by the byte, and ask unless `accepted`. Raises CostRefused."""
-    if words and not accepted:
+def pay(words: Sequence[str], *, is_accepted: bool, as_json: bool) -> None:
+    """Show what goes over links that are paid by the byte, and ask unless `is_accepted`. Raises CostRefused."""
+    if words and not is_accepted:
         pays(words, ask=not as_json)
     elif words and not as_json:
         _show_costs(words)
@@ -162,4 +162,4 @@ def removes(words: Sequence[str], *, ask: bool) -> None:
     for each in words:
         print(translate(each))
     if not whole_word("Remove them?", word=REMOVE):
-        raise Declined("not agreed, so nothing was changed")
+        raise ConsentRefusal("not agreed, so nothing was changed")

@@ -37,12 +37,12 @@ _PLACES = {
 """File and mapping whose keys are these names (docs/architecture.md, `atlantis_netcfg/inventory/loader.py`)."""
 
 
-def folder_of(typed: Sequence[str]) -> Path:
+def folder_of(command_line: Sequence[str]) -> Path:
     """The inventory of a command line: the one that it names, else the checkout's own."""
     from atlantis_netcfg.core import paths
 
-    named = [word.partition("=")[2] for word in typed if word.startswith("inventory=")]
-    return Path(named[-1]).expanduser() if named and named[-1] else paths.checkout() / "inventory"
+    inventories = [word.partition("=")[2] for word in command_line if word.startswith("inventory=")]
+    return Path(inventories[-1]).expanduser() if inventories and inventories[-1] else paths.checkout() / "inventory"
 
 
 def names(folder: Path, values: Values, site: str = "") -> list[str]:

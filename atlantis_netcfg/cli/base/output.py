@@ -17,10 +17,10 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.core.errors import REHEARSE, DeviceFailed, ExitCode, NetcfgError, complete
+from atlantis_netcfg.core.errors import REHEARSE, DeviceError, ExitCode, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Style, Styled
+from atlantis_netcfg.core.printable import Style, StyledText
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.arguments import Arguments, CommandSpec
 
 
-_CARRIED = ("inventory", "authority")
-_ADVISED = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
+_CARRIED_WORDS = ("inventory", "authority")
+_COMMAND_HINT = re.compile(r"(?:`|: +)provision (?P<command>[a-z][^`…\n]*?)(?=`|$)", re.MULTILINE)
 """A command in a hint: in backquotes, or at the end of a line behind a colon."""
 
 
@@ -48,60 +48,64 @@ def _as_text(value: object) -> str:
     raise TypeError(f"{type(value).__name__} is not JSON serializable")
 
 
-def failed(error: NetcfgError, typed: Sequence[str] = (), *, as_json: bool) -> ExitCode:
+def report_error(error: NetcfgError, command_line: Sequence[str] = (), *, as_json: bool) -> ExitCode:
     """Tell an error that has words of its own; one that carries `errors` is told as each of them.
 
     What a hint leaves open (`site=…`) is filled in from what was typed.
     """
     errors: Sequence[NetcfgError] = getattr(error, "errors", None) or (error,)
-    hints = [item.hint and as_typed(item.hint, typed) for item in errors]
+    hints = [item.hint and as_typed(item.hint, command_line) for item in errors]
     _tell(list(zip(map(str, errors), hints, strict=True)), error.exit, as_json=as_json)
     return error.exit
 
 
-def as_typed(hint: str, typed: Sequence[str]) -> str:
-    """A hint whose commands go on where the typed one was: its site and device, and what `carried` gives."""
+def as_typed(hint: str, command_line: Sequence[str]) -> str:
+    """A hint whose commands go on where the typed one was: its site and device, and what `carried_words` gives."""
     from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 
     with suppress(NetcfgError):
-        if REHEARSE in hint and load(choose(typed, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:
+        if REHEARSE in hint and load(choose(command_line, COMMANDS)[0], COMMANDS).command.flag("rehearse") is not None:
             hint = hint.replace(REHEARSE, "add --rehearse")
-    words = dict(word.partition("=")[::2] for word in typed)
+    words = dict(word.partition("=")[::2] for word in command_line)
     hint = complete(hint, site=words.get("site", ""), device=words.get("device") or words.get("host") or "")
 
-    def completed(found: re.Match[str]) -> str:
+    def complete_command(match: re.Match[str]) -> str:
         try:
-            name, rest = choose(shlex.split(found["command"]), COMMANDS)
+            name, rest = choose(shlex.split(match["command"]), COMMANDS)
         except (NetcfgError, ValueError):  # what is wrong with a line may itself be quoted
-            return found[0]
+            return match[0]
         if "--help" in rest:
-            return found[0]
+            return match[0]
         command = load(name, COMMANDS).command
         more = ""
-        for word in _CARRIED:
-            if word in words and command.word(word) is not None and f"{word}=" not in found["command"]:
+        for word in _CARRIED_WORDS:
+            if word in words and command.word(word) is not None and f"{word}=" not in match["command"]:
                 more += f" {shlex.quote(f'{word}={words[word]}')}"
-        if "--rehearse" in typed and command.flag("rehearse") is not None and "--rehearse" not in rest:
+        if "--rehearse" in command_line and command.flag("rehearse") is not None and "--rehearse" not in rest:
             more += " --rehearse"
-        return found[0].replace(found["command"], f"{found['command']}{more}")
+        return match[0].replace(match["command"], f"{match['command']}{more}")
 
-    return _ADVISED.sub(completed, hint)
+    return _COMMAND_HINT.sub(complete_command, hint)
 
 
-def carried(arguments: Arguments) -> list[str]:
+def carried_words(arguments: Arguments) -> list[str]:
     """What a command that a hint advises has to be told as well, as it was typed: whose files, and which devices."""
-    named = [(name, arguments.optional(name)) for name in _CARRIED if arguments.command.word(name) is not None]
-    words = [f"{name}={value}" for name, value in named if value is not None]
-    rehearsed = arguments.command.flag("rehearse") is not None and arguments.flag("rehearse")
-    return [*words, "--rehearse"] if rehearsed else words
+    values = [(name, arguments.optional(name)) for name in _CARRIED_WORDS if arguments.command.word(name) is not None]
+    words = [f"{name}={value}" for name, value in values if value is not None]
+    is_rehearsal = arguments.command.flag("rehearse") is not None and arguments.flag("rehearse")
+    return [*words, "--rehearse"] if is_rehearsal else words
 
 
-class Stopped(DeviceFailed):
+class CommandInterrupt(DeviceError):
     """A person has stopped the command where nothing was in flight: what was read back before stands."""
 
-    def __init__(self, stop: KeyboardInterrupt, changed: Sequence[str]) -> None:
-        kept = f"what was read back of {', '.join(dict.fromkeys(changed))} stays" if changed else "nothing was changed"
-        super().__init__(f"stopped by {signal_of(stop)}; {kept}")
+    def __init__(self, stop: KeyboardInterrupt, changed_devices: Sequence[str]) -> None:
+        summary = (
+            f"what was read back of {', '.join(dict.fromkeys(changed_devices))} stays"
+            if changed_devices
+            else "nothing was changed"
+        )
+        super().__init__(f"stopped by {signal_of(stop)}; {summary}")
 
 
 def signal_of(stop: KeyboardInterrupt) -> str:
@@ -110,12 +114,12 @@ def signal_of(stop: KeyboardInterrupt) -> str:
     return "Ctrl-C" if name == "SIGINT" else name
 
 
-def interrupted(
-    command: CommandSpec | None, typed: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool
+def report_interrupt(
+    command: CommandSpec | None, command_line: Sequence[str], stop: KeyboardInterrupt, *, as_json: bool
 ) -> ExitCode:
     """Tell that Ctrl-C was obeyed, and whether a device may have been changed by then."""
     how = signal_of(stop)
-    if command is not None and command.changes and not _changes_nothing(command, typed):
+    if command is not None and command.changes and not _changes_nothing(command, command_line):
         message = f"stopped by {how}; what a device kept is not known here"
         hint = command.again or "`provision runs` shows what was confirmed, and how a run that is unfinished goes on"
         _tell([(message, hint)], ExitCode.UNKNOWN, as_json=as_json)
@@ -124,16 +128,16 @@ def interrupted(
     return ExitCode.FAILED
 
 
-def _changes_nothing(command: CommandSpec, typed: Sequence[str]) -> bool:
-    return any(flag.harmless and f"--{flag.name}" in typed for flag in command.flags)
+def _changes_nothing(command: CommandSpec, command_line: Sequence[str]) -> bool:
+    return any(flag.harmless and f"--{flag.name}" in command_line for flag in command.flags)
 
 
-def crashed(error: BaseException, typed: Sequence[str], *, as_json: bool) -> ExitCode:
+def report_crash(error: BaseException, command_line: Sequence[str], *, as_json: bool) -> ExitCode:
     """Tell an error that nobody foresaw in one sentence; the traceback goes to a log file."""
     from atlantis_netcfg.core import crash_report
     from atlantis_netcfg.core.paths import state_dir
 
-    return failed(crash_report.crashed(error, repr(list(typed)), state_dir), as_json=as_json)
+    return report_error(crash_report.report_crash(error, repr(list(command_line)), state_dir), as_json=as_json)
 
 
 def _tell(errors: Sequence[tuple[str, str | None]], code: ExitCode, *, as_json: bool) -> None:
@@ -155,11 +159,11 @@ def _tell_person(errors: Sequence[tuple[str, str | None]]) -> None:
     for message, hint in errors:
         lines = [*translate(message).splitlines(), *(translate(hint).splitlines() if hint else ())]
         rows: list[printable.Row] = [
-            (Styled(f"{label}: ", Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
+            (StyledText(f"{label}: ", Style.BAD), text) if place == 0 else f"{'':<{indent}}{text}"
             for place, text in enumerate(map(printable.line, lines))
         ]
         width = width_of(sys.stderr)
-        printable.show((line for row in rows for line in printable.wrapped(row, width, indent)), sys.stderr)
+        printable.show((line for row in rows for line in printable.wrap_row(row, width, indent)), sys.stderr)
 
 
 def width_of(out: TextIO) -> int:
@@ -176,10 +180,10 @@ def _terminal() -> os.terminal_size:
 def page(rows: Sequence[printable.Row]) -> None:
     """Show lines; what is longer than a terminal goes through `$PAGER`, else `less`, if a person sits there."""
     out, width = sys.stdout, width_of(sys.stdout)
-    lines = [line for row in rows for line in printable.wrapped(row, width, _MARGIN)]
+    lines = [line for row in rows for line in printable.wrap_row(row, width, _MARGIN)]
     height = _terminal().lines
     able = os.environ.get("TERM", "dumb") != "dumb"  # `less` asks there whether it may go on
-    if width and able and sys.stdin.isatty() and len(lines) >= height and _paged(lines):
+    if width and able and sys.stdin.isatty() and len(lines) >= height and _page_lines(lines):
         return
     printable.show(lines, out)
 
@@ -189,16 +193,16 @@ _MARGIN = 4
 _PAGER = "less"
 
 
-def _paged(lines: Sequence[printable.Row]) -> bool:
+def _page_lines(lines: Sequence[printable.Row]) -> bool:
     """Whether a pager has shown them; `less` ends by itself where they fit, and keeps colours and what was shown."""
     import subprocess
 
-    typed = shlex.split(os.environ.get("PAGER", _PAGER)) or [_PAGER]
-    text = printable.painted(lines, colour=printable.shows_colour(sys.stdout))
+    pager_command = shlex.split(os.environ.get("PAGER", _PAGER)) or [_PAGER]
+    text = printable.paint(lines, colour=printable.shows_colour(sys.stdout))
     sys.stdout.flush()
     try:
         process = subprocess.run(  # noqa: S603 - the program that the person has chosen for this
-            typed, input=text, text=True, env={"LESS": "FRX", **os.environ}, check=False, errors="replace"
+            pager_command, input=text, text=True, env={"LESS": "FRX", **os.environ}, check=False, errors="replace"
         )
     except OSError:
         return False
@@ -214,7 +218,7 @@ SILENCE_S = 20.0
 """After so long without a step a plain log says what it waits for: a gap of a satellite link lasts over a minute."""
 _AGE_S = 5.0
 """From this age on a step on a terminal shows it."""
-_NAMED = 3
+_NAMED_DEVICES = 3
 """Devices that a reminder names; it counts the others."""
 
 
@@ -237,7 +241,7 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
 
 def line(event: Event) -> str:
     """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
-    count = f" {event.done}/{event.total}" if event.total else ""
+    count = f" {event.done_count}/{event.total}" if event.total else ""
     words = translate(event.message)
     return printable.line(f"  {event.device:<18} {translate(event.stage.value)}{count}  {words}".rstrip())
 
@@ -252,7 +256,7 @@ def _age(event: Event, age_s: float) -> str:
 def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
     """One line a step, and a reminder whenever nothing has been printed for `silence_s`."""
     at_work: dict[str, tuple[Event, float]] = {}
-    lock, ended = threading.Lock(), threading.Event()
+    lock, end_event = threading.Lock(), threading.Event()
     step_at = printed_at = time.monotonic()
 
     def show(event: Event) -> None:
@@ -266,7 +270,7 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
 
     def remind() -> None:
         nonlocal printed_at
-        while not ended.wait(max(0.0, printed_at + silence_s - time.monotonic())):
+        while not end_event.wait(max(0.0, printed_at + silence_s - time.monotonic())):
             with lock, suppress(OSError, ValueError):  # nobody reads any longer: the run goes on
                 now = time.monotonic()
                 if now >= printed_at + silence_s:
@@ -279,7 +283,7 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
     try:
         yield show
     finally:
-        ended.set()
+        end_event.set()
         thread.join()
 
 
@@ -290,7 +294,7 @@ def _step(event: Event, age_s: float) -> str:
 
 def _reminder(at_work: list[tuple[Event, float]], age_s: float) -> str:
     """What is waited for: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
-    names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED]]
+    names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED_DEVICES]]
     if more := len(at_work) - len(names):
         names.append(translate(f"{more} more"))
     words = translate(f"still at work, {age_s:.0f} s without news")

@@ -29,20 +29,20 @@ def passphrase_prompt(arguments: Arguments, what: str = _WORDS) -> Callable[[], 
 
     A descriptor that cannot be read is told at once, before anything is done.
     """
-    known: list[Secret] = []
+    cache: list[Secret] = []
     number = _number(arguments)
     if number is None:
         _require_person(what)
 
     def ask() -> Secret:
-        if not known:
-            known.append(_typed(f"{what[0].upper()}{what[1:]}: ") if number is None else _read(number))
-        return known[0]
+        if not cache:
+            cache.append(_read_secret(f"{what[0].upper()}{what[1:]}: ") if number is None else _read(number))
+        return cache[0]
 
     return ask
 
 
-def chosen(arguments: Arguments, check: Callable[[Secret], None]) -> Secret:
+def choose_passphrase(arguments: Arguments, check: Callable[[Secret], None]) -> Secret:
     """A new passphrase, typed twice or read once. Raises UsageError, and what `check` raises for a weak one."""
     number = _number(arguments)
     if number is not None:
@@ -50,9 +50,9 @@ def chosen(arguments: Arguments, check: Callable[[Secret], None]) -> Secret:
         check(only)
         return only
     _require_person(_WORDS)
-    first = _typed(f"Choose {_WORDS} (six words that a die has chosen, for instance): ")
+    first = _read_secret(f"Choose {_WORDS} (six words that a die has chosen, for instance): ")
     check(first)
-    if _typed("The same again: ") != first:
+    if _read_secret("The same again: ") != first:
         raise UsageError("the two are not the same, so nothing was made", hint="type the command again")
     return first
 
@@ -64,7 +64,7 @@ def vault_of(arguments: Arguments) -> Vault:
     """
     from atlantis_netcfg.operations.common.vault import Vault
 
-    insist = arguments.given(ASK_VAULT_PASS)
+    insist = arguments.has_flag(ASK_VAULT_PASS)
     if not sys.stdin.isatty():
         if insist:
             raise UsageError(
@@ -72,12 +72,12 @@ def vault_of(arguments: Arguments) -> Vault:
                 hint="type the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
             )
         return Vault()
-    return Vault(_vault_password if insist or not arguments.given(JSON) else None, insist=insist)
+    return Vault(_vault_password if insist or not arguments.has_flag(JSON) else None, insist=insist)
 
 
 def _vault_password(vault_id: str) -> Secret:
-    named = "" if vault_id == "default" else f" ({vault_id})"
-    return _typed(f"Password of the inventory's vault{named}: ")
+    suffix = "" if vault_id == "default" else f" ({vault_id})"
+    return _read_secret(f"Password of the inventory's vault{suffix}: ")
 
 
 def _number(arguments: Arguments) -> int | None:
@@ -99,7 +99,7 @@ def _require_person(what: str) -> None:
         )
 
 
-def _typed(question: str) -> Secret:
+def _read_secret(question: str) -> Secret:
     from getpass import getpass
 
     try:

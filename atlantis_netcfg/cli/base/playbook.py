@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Self
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.operations.common.play_control import PlayControl, other_ends, without_result
-from atlantis_netcfg.operations.common.request import shared
+from atlantis_netcfg.operations.common.request import share_declaration
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
 
@@ -49,11 +49,11 @@ class PlayOutcome:
     """The signal with which a person has stopped it, as `SIGINT`."""
 
 
-Ended = Callable[[str, Mapping[str, Any]], object]
+ResultCallback = Callable[[str, Mapping[str, Any]], object]
 """Gets the name and the result of a device as soon as it has ended."""
 
 
-_UNTOUCHED = Status.LEFT_AS_FOUND.value
+_LEFT_AS_FOUND = Status.LEFT_AS_FOUND.value
 
 
 class PlaybookRunner:
@@ -71,7 +71,7 @@ class PlaybookRunner:
         request: Request,
         notify: Subscriber,
         *,
-        ended: Ended = lambda _name, _result: None,
+        on_result: ResultCallback = lambda _name, _result: None,
     ) -> PlayOutcome:
         """Run the playbook for these hosts to its end; each has a result then, whatever happened.
 
@@ -82,22 +82,24 @@ class PlaybookRunner:
         """
         self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
         control = PlayControl()
-        with _EventListener(notify, ended) as listener, control.current(), shared(self._declaration):
-            sent = request.model_copy(update={"events_fd": listener.writer})
-            reason, output = self._ansible.play(names, sent, control)
+        with _EventListener(notify, on_result) as listener, control.current(), share_declaration(self._declaration):
+            play_request = request.model_copy(update={"events_fd": listener.writer})
+            reason, output = self._ansible.play(names, play_request, control)
             if reason:
                 control.cut_off(reason)
         outcome, refusal = listener.outcome, listener.refusal
         outcome.stopped_by = control.stopped_by
         hosts = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
         missing = [name for name in hosts if name not in outcome.devices]
-        unreported = without_result(missing, names, self._declaration, request, outcome.runs, refusal or reason, output)
-        known = {**outcome.devices, **unreported}
-        if refusal is not None and all(result["status"] == _UNTOUCHED for result in known.values()):
+        missing_results = without_result(
+            missing, names, self._declaration, request, outcome.runs, refusal or reason, output
+        )
+        results = {**outcome.devices, **missing_results}
+        if refusal is not None and all(result["status"] == _LEFT_AS_FOUND for result in results.values()):
             raise refusal
-        for name, result in unreported.items():
-            ended(name, result)
-        outcome.devices = {name: known[name] for name in (*names, *known)}
+        for name, result in missing_results.items():
+            on_result(name, result)
+        outcome.devices = {name: results[name] for name in (*names, *results)}
         return outcome
 
 
@@ -124,11 +126,11 @@ class _Ansible:
         add_all_plugin_dirs(folder)
         AnsibleCollectionConfig.playbook_paths = [folder]
         self._loader = DataLoader()
-        self._loader.set_vault_secrets(vault.opened)
+        self._loader.set_vault_secrets(vault.known_secrets)
         if (secrets := VaultSecretsContext.current(optional=True)) is None:
-            VaultSecretsContext.initialize(VaultSecretsContext(vault.opened))
+            VaultSecretsContext.initialize(VaultSecretsContext(vault.known_secrets))
         else:
-            secrets.secrets = vault.opened
+            secrets.secrets = vault.known_secrets
         self._hosts = InventoryManager(loader=self._loader, sources=[self._inventory])
         # Each task runs in a process of its own, which inherits what is imported.
         import_module("atlantis_netcfg.operations.apply")
@@ -141,9 +143,9 @@ class _Ansible:
 
         self._set_options({"atlantis_request": request.model_dump(mode="json")}, names, check=request.mode.reads_only)
         self._hosts.subset(",".join(names))
-        printed, reason = io.StringIO(), ""
+        output, reason = io.StringIO(), ""
         # Ansible closes them to whatever this process starts from now on, also after the play.
-        inherited = [number for number in (0, 1, 2) if os.get_inheritable(number)]
+        inheritable = [number for number in (0, 1, 2) if os.get_inheritable(number)]
         executor = PlaybookExecutor(
             playbooks=[str(self._playbook)],
             inventory=self._hosts,
@@ -156,8 +158,8 @@ class _Ansible:
         control.take_signals()
         with (
             contextlib.closing(manager._connection_lockfile),  # noqa: SLF001 - as above; Ansible leaves it to its end
-            contextlib.redirect_stdout(printed),
-            contextlib.redirect_stderr(printed),
+            contextlib.redirect_stdout(output),
+            contextlib.redirect_stderr(output),
         ):
             try:
                 executor.run()
@@ -166,13 +168,13 @@ class _Ansible:
             except KeyboardInterrupt:
                 reason = f"stopped by {control.stopped_by}"
             finally:
-                for number in inherited:
+                for number in inheritable:
                     os.set_inheritable(number, True)
         if control.stopped_by and reason:
             reason = f"stopped by {control.stopped_by}"
         elif "dead state" in reason:
             reason = "the process that worked on it was killed"
-        return reason, printed.getvalue().strip()
+        return reason, output.getvalue().strip()
 
     def _set_options(self, variables: Mapping[str, Any], names: Sequence[str], *, check: bool = False) -> None:
         """Set what `ansible-playbook` takes from its command line, as Ansible's Python API has it done."""
@@ -220,10 +222,10 @@ def _version() -> dict[str, Any]:
 class _EventListener:
     """Hears what tasks tell over a pipe, in a thread of its own, and passes it on at once."""
 
-    def __init__(self, notify: Subscriber, ended: Ended) -> None:
+    def __init__(self, notify: Subscriber, on_result: ResultCallback) -> None:
         self.outcome = PlayOutcome()
         self.refusal: EngineError | None = None
-        self._notify, self._ended = notify, ended
+        self._notify, self._ended = notify, on_result
         reader, self.writer = os.pipe()
         self._lines = os.fdopen(reader, encoding="utf-8")
         self._thread = threading.Thread(target=self._listen, name="events", daemon=True)

@@ -18,42 +18,46 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.rehearsal import Rehearsal
 
 
-def rehearse(opened: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None) -> RunReport:
+def rehearse(
+    session: CommandSession, twins: Rehearsal, *, mode: Mode = Mode.APPLY, run: str | None = None
+) -> RunReport:
     """Apply over the bearer that is declared, then converge again over each bearer with its delay and rate."""
-    first = opened.perform(mode, run=run)
-    if opened.arguments.flag("verbose"):
-        opened.show_plan(first)
+    first = session.perform(mode, run=run)
+    if session.arguments.flag("verbose"):
+        session.show_plan(first)
     if first.exit is not ExitCode.DONE:
         return first
-    return _again(opened, twins, first)
+    return _again(session, twins, first)
 
 
-def announce(opened: CommandSession) -> None:
+def announce(session: CommandSession) -> None:
     """Say that nothing real is contacted."""
-    if not opened.as_json:
-        sites = {host.site for host in opened.hosts}
-        titles = ", ".join(site.title for name, site in opened.declaration.sites.items() if name in sites)
-        words = f"Rehearsal of {opened.site} ({titles}): emulated devices, nothing real is contacted"
+    if not session.as_json:
+        sites = {host.site for host in session.hosts}
+        titles = ", ".join(site.title for name, site in session.declaration.sites.items() if name in sites)
+        words = f"Rehearsal of {session.site} ({titles}): emulated devices, nothing real is contacted"
         print(translate(words), flush=True)
 
 
-def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
+def _again(session: CommandSession, twins: Rehearsal, first: RunReport) -> RunReport:
     """Run again over each bearer; a device whose site lacks it is left at its own. Ctrl-C ends it: that is no green."""
     passes: list[Pass] = []
-    sites = opened.declaration.sites
-    units = {host.name for host in opened.hosts if is_unit(host)}
+    sites = session.declaration.sites
+    units = {host.name for host in session.hosts if is_unit(host)}
     links = list(
-        dict.fromkeys([LAN.name, *(bearer.name for host in opened.contacted for bearer in sites[host.site].bearers)])
+        dict.fromkeys(
+            [LAN.name, *(bearer.name for host in session.contacted_hosts for bearer in sites[host.site].bearers)]
+        )
     )
     for number, name in enumerate(links, 1):
-        if not opened.as_json:
+        if not session.as_json:
             words = f"Second run {number} of {len(links)}, over {name}: nothing may be left to change"
             print(translate(words), file=sys.stderr, flush=True)
-        via = {host.name: name for host in opened.contacted if name in {LAN.name, *_names(opened, host.site)}}
-        for host in opened.contacted:
-            bearer = bearer_of(opened.declaration, host, via.get(host.name, opened.via))
-            twins.relink(opened.declaration, host, bearer.name)
-        again = opened.perform(Mode.APPLY, via=via)
+        via = {host.name: name for host in session.contacted_hosts if name in {LAN.name, *_names(session, host.site)}}
+        for host in session.contacted_hosts:
+            bearer = bearer_of(session.declaration, host, via.get(host.name, session.via))
+            twins.relink(session.declaration, host, bearer.name)
+        again = session.perform(Mode.APPLY, via=via)
         for device, result in again.devices.items():
             if device in via or device in units or result.get("other_end") in via:
                 passes.append(Pass(device, name, result))
@@ -62,5 +66,5 @@ def _again(opened: CommandSession, twins: Rehearsal, first: RunReport) -> RunRep
     return replace(first, passes=tuple(passes))
 
 
-def _names(opened: CommandSession, site: str) -> list[str]:
-    return [bearer.name for bearer in opened.declaration.sites[site].bearers]
+def _names(session: CommandSession, site: str) -> list[str]:
+    return [bearer.name for bearer in session.declaration.sites[site].bearers]

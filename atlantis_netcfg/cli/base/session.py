@@ -21,23 +21,31 @@ from atlantis_netcfg.cli.base.arguments import (
     REMOVE_FOREIGN,
     STREAM,
     SUMMARY,
-    UNPROTECTED,
     VERBOSE,
+    WITHOUT_PROTECTION,
     Arguments,
 )
 from atlantis_netcfg.cli.base.commands import DEFAULT
-from atlantis_netcfg.cli.base.consent import agreed, pay, pays, removes
-from atlantis_netcfg.cli.base.output import Stopped, as_typed, carried, json_text, page, progress, width_of
+from atlantis_netcfg.cli.base.consent import pay, pays, removes, require_agreement
+from atlantis_netcfg.cli.base.output import (
+    CommandInterrupt,
+    as_typed,
+    carried_words,
+    json_text,
+    page,
+    progress,
+    width_of,
+)
 from atlantis_netcfg.cli.base.passphrase import vault_of
 from atlantis_netcfg.cli.base.playbook import PlaybookRunner, PlayOutcome
 from atlantis_netcfg.core import paths, printable
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, worst
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, worst
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.costs import beforehand, gate
-from atlantis_netcfg.operations.common.kinds import handled, is_unit
+from atlantis_netcfg.operations.common.kinds import is_supported, is_unit
 from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.common.terminals import is_terminal
 from atlantis_netcfg.operations.computers._access import is_computer
@@ -77,27 +85,25 @@ class CommandSession:
     """A bundle, which gateways take everything from."""
     remove_foreign: bool = False
     """A person has agreed that rows of others go by the hundred."""
-    changed: list[str] = field(default_factory=list)
+    changed_devices: list[str] = field(default_factory=list)
     """Devices that plays of this command have changed, as they were read back."""
     _runner: PlaybookRunner | None = None
 
     @property
-    def rehearsed(self) -> bool:
+    def is_rehearsal(self) -> bool:
         """Whether the devices are emulated."""
         return self.rehearsal is not None
 
     @property
     def store(self) -> Store:
         """Journals and saved states of the site."""
-        return Store(self.state, rehearsed=self.rehearsed)
+        return Store(self.state, is_rehearsal=self.is_rehearsal)
 
     def narrow(self, names: Sequence[str]) -> None:
         """Go on with these hosts only. Raises NothingMatched when none is left."""
         self.hosts = tuple(host for host in self.hosts if host.name in names)
         if not self.hosts:
-            raise NothingMatched(
-                "nothing to do for any device of that run", hint="`provision runs` lists what is there"
-            )
+            raise NoMatchError("nothing to do for any device of that run", hint="`provision runs` lists what is there")
 
     @property
     def as_json(self) -> bool:
@@ -105,9 +111,9 @@ class CommandSession:
         return self.arguments.flag("json")
 
     @property
-    def asked(self) -> tuple[Host, ...]:
+    def handled_hosts(self) -> tuple[Host, ...]:
         """The hosts that a role handles."""
-        return tuple(host for host in self.hosts if handled(host))
+        return tuple(host for host in self.hosts if is_supported(host))
 
     def request(
         self,
@@ -121,7 +127,7 @@ class CommandSession:
         return Request(
             state=self.state,
             mode=mode,
-            rehearsed=self.rehearsed,
+            rehearsed=self.is_rehearsal,
             via={**({host.name: self.via for host in self.hosts} if self.via else {}), **(via or {})},
             plans=dict(plans) if plans is not None else None,
             run=run,
@@ -130,9 +136,9 @@ class CommandSession:
             restore=self.restore,
             use=self.use,
             offline=self.offline,
-            unprotected=self.arguments.given(UNPROTECTED),
-            accept_cost=self.arguments.given(ACCEPT_COST),
-            remove_foreign=self.arguments.given(REMOVE_FOREIGN) or self.remove_foreign,
+            unprotected=self.arguments.has_flag(WITHOUT_PROTECTION),
+            accept_cost=self.arguments.has_flag(ACCEPT_COST),
+            remove_foreign=self.arguments.has_flag(REMOVE_FOREIGN) or self.remove_foreign,
             **(self.rehearsal.request_fields if self.rehearsal else {}),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
@@ -144,46 +150,46 @@ class CommandSession:
         plans: Mapping[str, str] | None = None,
         run: str | None = None,
         via: Mapping[str, str] | None = None,
-        paid: bool = False,
+        is_paid: bool = False,
     ) -> RunReport:
         """Run the playbook once for the hosts that a role handles; `via` names bearers other than the usual ones.
 
-        Before its first byte goes over a link that is paid by the byte a person is asked, unless that is `paid`.
+        Asks a person before the first byte over a metered link, unless `is_paid`.
         """
         request = self.request(mode, plans=plans, run=run, via=via)
-        declared = self._declared(mode)
+        other_hosts = self._other_hosts(mode)
         # What their tasks need is imported before these, which are forked children, and only where they take part.
-        if any(is_unit(host) for host in declared):
+        if any(is_unit(host) for host in other_hosts):
             import_module("atlantis_netcfg.operations.lte.run")
-        if any(is_computer(host) for host in declared):
+        if any(is_computer(host) for host in other_hosts):
             from atlantis_netcfg.operations.computers.parts import refuse_unfounded
 
             if not self.declaration.pilot.example_values:
-                refuse_unfounded(declared, request)
-        request = request.model_copy(update={"accept_cost": True}) if paid else self.paid(request)
-        names = [host.name for host in (*self.asked, *declared)]
+                refuse_unfounded(other_hosts, request)
+        request = request.model_copy(update={"accept_cost": True}) if is_paid else self.confirm_cost(request)
+        names = [host.name for host in (*self.handled_hosts, *other_hosts)]
         self._refuse_early(request)
         self._runner = self._runner or PlaybookRunner(paths.checkout(), self.declaration, self.vault)
         with progress(quiet=self.as_json) as notify:
-            ended = partial(self._ended, sys.stdout)
-            outcome = self._runner.play(names, request, notify, ended=ended) if names else PlayOutcome()
+            on_result = partial(self._stream_result, sys.stdout)
+            outcome = self._runner.play(names, request, notify, on_result=on_result) if names else PlayOutcome()
         if not mode.reads_only:
-            self.changed += [name for name, result in outcome.devices.items() if result["confirmed"]]
+            self.changed_devices += [name for name, result in outcome.devices.items() if result["confirmed"]]
         return RunReport(
             site=self.site,
-            rehearsed=self.rehearsed,
-            devices={name: self._advised(result) for name, result in outcome.devices.items()},
+            is_rehearsal=self.is_rehearsal,
+            devices={name: self._complete_hint(result) for name, result in outcome.devices.items()},
             not_handled={
                 host.name: host.device.kind
                 for host in self.hosts
-                if not handled(host) and host.name not in outcome.devices and host.name not in self.left_out
+                if not is_supported(host) and host.name not in outcome.devices and host.name not in self.left_out
             },
             left_out=self.left_out,
             not_rehearsed=self.rehearsal.not_rehearsed if self.rehearsal else (),
             runs=tuple(dict.fromkeys(run for runs in outcome.runs.values() for run in runs.values())),
             stopped_by=outcome.stopped_by,
             purpose=mode.value,
-            verbose=self.arguments.given(VERBOSE),
+            verbose=self.arguments.has_flag(VERBOSE),
         )
 
     def configure_twins(self, *, strict: bool = False) -> None:
@@ -210,20 +216,20 @@ class CommandSession:
                 with self.store.lock(site, request.command):
                     pass
 
-    def paid(self, request: Request) -> Request:
+    def confirm_cost(self, request: Request) -> Request:
         """The request with a person's word to pay, if it needs one. Raises CostRefused.
 
         Example values lead nowhere, and a rehearsal costs nothing: there is nothing to ask.
         """
         if request.rehearsed or self.declaration.pilot.example_values:
             return request
-        accepted = request.model_copy(update={"accept_cost": True})
-        gate(self.declaration, self.hosts, accepted)
+        accepted_request = request.model_copy(update={"accept_cost": True})
+        gate(self.declaration, self.hosts, accepted_request)
         words = [each.words for each in beforehand(self.declaration, self.hosts, request)]
-        pay(words, accepted=request.accept_cost, as_json=self.as_json)
-        return accepted if words else request
+        pay(words, is_accepted=request.accept_cost, as_json=self.as_json)
+        return accepted_request if words else request
 
-    def _declared(self, mode: Mode) -> tuple[Host, ...]:
+    def _other_hosts(self, mode: Mode) -> tuple[Host, ...]:
         """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, computers.
 
         To a terminal nothing is sent: the evidence of what is declared of it is looked at.
@@ -239,23 +245,26 @@ class CommandSession:
         return (*others, *computers)
 
     @property
-    def contacted(self) -> tuple[Host, ...]:
+    def contacted_hosts(self) -> tuple[Host, ...]:
         """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the computers."""
-        return (*self.asked, *(host for host in self.hosts if is_computer(host) and host.name not in self.left_out))
+        return (
+            *self.handled_hosts,
+            *(host for host in self.hosts if is_computer(host) and host.name not in self.left_out),
+        )
 
     @property
     def left_out(self) -> Mapping[str, str]:
         """The hosts of a rehearsal that nothing stands for here, and why."""
         return self.rehearsal.left_out if self.rehearsal is not None else {}
 
-    def _ended(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
+    def _stream_result(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
-        if self.as_json and self.arguments.given(STREAM):
-            print(json_text({"device": name, **self._advised(result)}), file=out, flush=True)
+        if self.as_json and self.arguments.has_flag(STREAM):
+            print(json_text({"device": name, **self._complete_hint(result)}), file=out, flush=True)
 
-    def _advised(self, result: Mapping[str, Any]) -> dict[str, Any]:
+    def _complete_hint(self, result: Mapping[str, Any]) -> dict[str, Any]:
         """A result whose hint can be typed as it stands: the engine does not know what else this command was told."""
-        return {**result, "hint": result["hint"] and as_typed(result["hint"], carried(self.arguments))}
+        return {**result, "hint": result["hint"] and as_typed(result["hint"], carried_words(self.arguments))}
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
@@ -264,60 +273,62 @@ class CommandSession:
         self.show_plan(report)
         if self._exports() != before:
             raise NetcfgError("planning has changed an emulated device: this must never happen")
-        if self.rehearsed and not self.as_json:
+        if self.is_rehearsal and not self.as_json:
             print(translate("the emulated device is unchanged, byte for byte"))
         return report
 
-    def change(self, *, ask: bool, saved: Mapping[str, str] | None = None, again: str = "") -> RunReport:
+    def change(self, *, ask: bool, saved_plans: Mapping[str, str] | None = None, again: str = "") -> RunReport:
         """Change the devices; a person agrees to the plan that is shown, and only that plan is carried out.
 
-        `saved`: device name to the `planned_state` of a plan that was saved. What is to be done now has to be the
+        `saved_plans`: device name to the `planned_state` of a plan that was saved. What is to be done now has to be the
         same, or done already; `again` is the command that makes a new plan. Raises PlanOutdated.
         """
-        if not ask and saved is None:
+        if not ask and saved_plans is None:
             report = self.perform(Mode.APPLY)
             if self.arguments.flag("verbose"):
                 self.show_plan(report)
             return report
-        planned = self.plan()
-        plans = {name: str(row["plan_hash"]) for name, row in planned.devices.items()}
-        if saved is not None:
-            _refuse_outdated(planned, saved, again)
-        if worst(self._plannable(planned)) is not ExitCode.CHANGES:
-            return planned
+        plan_report = self.plan()
+        plans = {name: str(row["plan_hash"]) for name, row in plan_report.devices.items()}
+        if saved_plans is not None:
+            _refuse_outdated(plan_report, saved_plans, again)
+        if worst(self._plannable(plan_report)) is not ExitCode.CHANGES:
+            return plan_report
         if not ask:
             return self.perform(Mode.APPLY, plans=plans)
-        self._agree(planned)
-        return self.perform(Mode.APPLY, plans=plans, paid=bool(self._dear(planned)))
+        self._agree(plan_report)
+        return self.perform(Mode.APPLY, plans=plans, is_paid=bool(self._dear(plan_report)))
 
     @staticmethod
-    def _dear(planned: RunReport) -> list[str]:
+    def _dear(plan_report: RunReport) -> list[str]:
         return [
             consent_question(device["cost"])
-            for device in planned.devices.values()
+            for device in plan_report.devices.values()
             if device["planned"] and "cost" in device
         ]
 
-    def _agree(self, planned: RunReport) -> None:
+    def _agree(self, plan_report: RunReport) -> None:
         """Return when a person agrees to the plan, to its cost and to what goes by the hundred. Raises Declined."""
-        dear = self._dear(planned)
-        if dear and not self.arguments.given(ACCEPT_COST):
+        dear = self._dear(plan_report)
+        if dear and not self.arguments.has_flag(ACCEPT_COST):
             pays(dear, ask=not self.as_json)
         many = [
             f"{name}: the plan {change['foreign_words']}"
-            for name, change in planned.devices.items()
+            for name, change in plan_report.devices.items()
             if _foreign(change)
         ]
-        if many and not self.arguments.given(REMOVE_FOREIGN):
+        if many and not self.arguments.has_flag(REMOVE_FOREIGN):
             removes(many, ask=not self.as_json)
             self.remove_foreign = True
-        changing = (name for name, item in planned.devices.items() if item["planned"] or item["status"] == "planned")
-        agreed(f"Change {', '.join(changing)} now?")
+        changing = (
+            name for name, item in plan_report.devices.items() if item["planned"] or item["status"] == "planned"
+        )
+        require_agreement(f"Change {', '.join(changing)} now?")
 
     @staticmethod
-    def _plannable(planned: RunReport) -> Iterator[ExitCode]:
+    def _plannable(plan_report: RunReport) -> Iterator[ExitCode]:
         """How each device ended: what the look at one has found wrong keeps no other from being changed."""
-        codes = (planned.exit, *(ExitCode(device["exit"]) for device in planned.devices.values()))
+        codes = (plan_report.exit, *(ExitCode(device["exit"]) for device in plan_report.devices.values()))
         return (code for code in codes if code is not ExitCode.CHECKS_FAILED)
 
     def _exports(self) -> dict[str, str]:
@@ -330,7 +341,7 @@ class CommandSession:
     def show_plan(self, report: RunReport) -> None:
         """Print the changes in the device's own language, and what they cost; with `--summary` the cost alone."""
         if not self.as_json:
-            page(report.cost_rows() if self.arguments.given(SUMMARY) else report.plan_rows())
+            page(report.cost_rows() if self.arguments.has_flag(SUMMARY) else report.plan_rows())
 
     def close(self, report: RunReport, next_command: str = "") -> ExitCode:
         """Print how it ended, and keep that beside the journal; `next_command` in place of the usual one."""
@@ -340,24 +351,24 @@ class CommandSession:
         if self.as_json:
             print(json_text(as_json))
         else:
-            shown = replace(report, next_command=next_command or self._next_command(report), record=record)
-            printable.show(shown.rows(width_of(sys.stdout)), sys.stdout)
+            final_report = replace(report, next_command=next_command or self._next_command(report), record=record)
+            printable.show(final_report.rows(width_of(sys.stdout)), sys.stdout)
         return report.exit
 
     def _keep(self, runs: Sequence[str], result: Mapping[str, Any]) -> str:
         """Put the result beside the journals of these runs; the runs, and where they are, as a person reads it."""
         data = json.dumps(result, ensure_ascii=False, indent=1).encode()
-        kept, failure = list[str](), ""
+        saved_runs, failure = list[str](), ""
         sites = sorted({host.site for host in self.hosts})
         for run in filter(None, runs):
             try:
                 places = [site for site in sites if self.store.keep_result(site, run, data)]
-                kept += [run] if places else []
+                saved_runs += [run] if places else []
             except OSError as error:
-                kept.append(run)
+                saved_runs.append(run)
                 failure = f"; its result could not be written: {error.strerror}"
         folder = self.store.root / (sites[0] if len(sites) == 1 else "*") / "runs"
-        return f"{', '.join(kept)} in {paths.from_home(folder)}{failure}" if kept else ""
+        return f"{', '.join(saved_runs)} in {paths.from_home(folder)}{failure}" if saved_runs else ""
 
     def _next_command(self, report: RunReport) -> str:
         """What comes next where nothing went wrong; elsewhere the device has a hint of its own."""
@@ -365,50 +376,53 @@ class CommandSession:
         if report.exit is ExitCode.CHANGES:
             return self._typed_without(*PLAN_ONLY)
         if report.exit is ExitCode.DONE and not report.stopped_by:
-            words = carried(self.arguments)
-            rehearsed = ["--rehearse"] if self.rehearsed and "--rehearse" not in words else []
-            return shlex.join(["provision", "check", f"site={site}", *words, *rehearsed])
+            words = carried_words(self.arguments)
+            rehearse_flag = ["--rehearse"] if self.is_rehearsal and "--rehearse" not in words else []
+            return shlex.join(["provision", "check", f"site={site}", *words, *rehearse_flag])
         return ""
 
     def _typed_without(self, *flags: str) -> str:
         """This command line as it was typed, without these flags and their values."""
         arguments = self.arguments
         words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
-        kept = [
+        kept_flags = [
             part
             for name, value in arguments.flags.items()
             if name not in flags
             for part in ([f"--{name}"] if value is None else [f"--{name}", value])
         ]
-        named = [] if arguments.command.name == DEFAULT else arguments.command.name.split()
-        return shlex.join(["provision", *named, *words, *kept])
+        command_words = [] if arguments.command.name == DEFAULT else arguments.command.name.split()
+        return shlex.join(["provision", *command_words, *words, *kept_flags])
 
 
 PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
 """Flags that the command which carries a plan out does not have, or that say only how it is shown."""
 
 
-class PlanOutdated(DeviceFailed):
+class OutdatedPlan(DeviceError):
     """A saved plan is not what would be done now: the devices have moved on, and none was changed."""
 
 
 def planned_state(result: Mapping[str, Any]) -> str:
     """A device's plan together with what was found there: the old values of rows count, as a person saw them."""
-    seen = hashlib.sha256(str(result["diff"]).encode()).hexdigest()
-    return f"{result['plan_hash']}:{seen}"
+    diff_digest = hashlib.sha256(str(result["diff"]).encode()).hexdigest()
+    return f"{result['plan_hash']}:{diff_digest}"
 
 
-def _refuse_outdated(planned: RunReport, saved: Mapping[str, str], again: str) -> None:
-    plans = {name: planned_state(row) for name, row in planned.devices.items()}
+def _refuse_outdated(plan_report: RunReport, saved_plans: Mapping[str, str], again: str) -> None:
+    plans = {name: planned_state(row) for name, row in plan_report.devices.items()}
     # The inventory is that of the plan: where nothing is left to do, its plan was carried out.
-    done = {name: plans[name] for name in saved.keys() & plans if planned.devices[name]["exit"] == ExitCode.DONE}
-    saved = {**saved, **done}
-    silent = [name for name, row in planned.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
-    other = [name for name in dict.fromkeys((*saved, *plans)) if saved.get(name) != plans.get(name)]
-    moved = [name for name in other if name not in silent]
-    if moved:
-        raise PlanOutdated(
-            f"nothing was changed: what would be done on {', '.join(moved)} is no longer what the saved plan says",
+    done_plans = {
+        name: plans[name] for name in saved_plans.keys() & plans if plan_report.devices[name]["exit"] == ExitCode.DONE
+    }
+    saved_plans = {**saved_plans, **done_plans}
+    silent = [name for name, row in plan_report.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
+    other = [name for name in dict.fromkeys((*saved_plans, *plans)) if saved_plans.get(name) != plans.get(name)]
+    changed_names = [name for name in other if name not in silent]
+    if changed_names:
+        raise OutdatedPlan(
+            "nothing was changed: "
+            f"what would be done on {', '.join(changed_names)} is no longer what the saved plan says",
             hint=f"make a new plan, and look at it: `{again}`",
         )
 
@@ -426,31 +440,33 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     via: str | None = None,
     site: str | None = None,
     only: Sequence[str] | None = None,
-    chosen: Callable[[Declaration], tuple[Host, ...]] | None = None,
+    choose_hosts: Callable[[Declaration], tuple[Host, ...]] | None = None,
 ) -> Iterator[CommandSession]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
-    `site` and `only` are those of the words, unless the command finds them in another way. `chosen` looks at the
+    `site` and `only` are those of the words, unless the command finds them in another way. `choose_hosts` looks at the
     declaration, before anything is started, and says which hosts take part, in place of `only`: also none. Between
     plays nothing is in flight: a stop signal there leaves every device as its last result says. Raises Stopped.
     """
-    changed: list[str] = []
+    changed_devices: list[str] = []
     try:
-        named = arguments.optional("inventory")
+        inventory_name = arguments.optional("inventory")
         # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
         vault = vault_of(arguments)
-        declaration = load(Path(named) if named else paths.checkout() / "inventory", decrypt=vault.decrypt)
+        declaration = load(
+            Path(inventory_name) if inventory_name else paths.checkout() / "inventory", decrypt=vault.decrypt
+        )
         if rehearse:
             declaration = replace(declaration, decrypt=None)  # emulated robots know no token that is vaulted
         if only is None:
             only = arguments.many("only") if arguments.command.word("only") else ()
         if site is None:
             site = arguments.word("site")
-        if chosen is None:
+        if choose_hosts is None:
             hosts = choose(declaration, site, only)
             require_handled(hosts, only, arguments.command.name)
         else:
-            hosts = chosen(declaration)
+            hosts = choose_hosts(declaration)
         if not rehearse:
             _warn_of_damage(hosts)
         with ExitStack() as stack:
@@ -461,15 +477,23 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
                 replay = _replay(arguments, hosts)
                 with progress(quiet=arguments.flag(JSON.name)) as notify:
                     twins = stack.enter_context(rehearsal(declaration, hosts, via, notify, replay))
-            elif arguments.given(PROFILE):
+            elif arguments.has_flag(PROFILE):
                 raise UsageError("`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse")
             yield CommandSession(
-                arguments, declaration, site, hosts, twins, paths.state_dir(), vault, via, changed=changed
+                arguments,
+                declaration,
+                site,
+                hosts,
+                twins,
+                paths.state_dir(),
+                vault,
+                via,
+                changed_devices=changed_devices,
             )
     except KeyboardInterrupt as stop:
         if not arguments.command.plays:
             raise
-        raise Stopped(stop, changed) from stop
+        raise CommandInterrupt(stop, changed_devices) from stop
 
 
 def _warn_of_damage(hosts: Sequence[Host]) -> None:
@@ -482,11 +506,11 @@ def _warn_of_damage(hosts: Sequence[Host]) -> None:
 
 def _replay(arguments: Arguments, hosts: Sequence[Host]) -> Replay | None:
     """Find the run that takes the place of a declared link, and say so. Raises UsageError."""
-    if not arguments.given(PROFILE):
+    if not arguments.has_flag(PROFILE):
         return None
     from atlantis_netcfg.operations.common.link_shapes import open_replay
 
-    roots = [Store(paths.state_dir(), rehearsed=rehearsed).root for rehearsed in (False, True)]
+    roots = [Store(paths.state_dir(), is_rehearsal=is_rehearsal).root for is_rehearsal in (False, True)]
     replay = open_replay(arguments.value(PROFILE.name) or "", roots, tuple(dict.fromkeys(host.site for host in hosts)))
     if not arguments.flag(JSON.name):
         print(translate(replay.words), flush=True)
@@ -503,12 +527,12 @@ def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) 
         also.append(is_terminal)
     if command in {DEFAULT, "drift"}:
         also.append(is_computer)
-    passed_over = [host for host in hosts if not any(takes(host) for takes in (handled, *also))]
-    named = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
-    if named and len(passed_over) < len(hosts):
-        raise NothingMatched(
-            f"`provision {command}` does nothing with {', '.join(named)}", hint="leave it out of `only=`"
+    passed_over = [host for host in hosts if not any(takes(host) for takes in (is_supported, *also))]
+    named_hosts = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
+    if named_hosts and len(passed_over) < len(hosts):
+        raise NoMatchError(
+            f"`provision {command}` does nothing with {', '.join(named_hosts)}", hint="leave it out of `only=`"
         )
     if len(passed_over) == len(hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
-        raise NothingMatched(f"nothing to do: no role handles these devices yet ({kinds})")
+        raise NoMatchError(f"nothing to do: no role handles these devices yet ({kinds})")

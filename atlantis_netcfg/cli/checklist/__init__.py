@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.checklist import Kept, SigningTrouble
+    from atlantis_netcfg.checklist import SavedChecklist, SigningTrouble
     from atlantis_netcfg.checklist.report import Document
     from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
@@ -34,7 +34,7 @@ CHECK = CommandSpec(
     "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
     group=Group.FIRST,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word("vehicle", "only these vehicles", many=True, example="sparus"),
         Word(
             "endpoint",
@@ -86,7 +86,7 @@ REPORT_LIST = CommandSpec(
     "list the checklists of a site, who signed them, and what has changed since the last green one",
     group=Group.CHECKLIST,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word("vehicle", "only what was found of this vehicle", example="sparus"),
     ),
     flags=(Flag("rehearsed", "those of rehearsals instead of real ones"), JSON),
@@ -96,13 +96,13 @@ REPORT_LIST = CommandSpec(
 def run_report_list(arguments: Arguments) -> ExitCode:
     """List checklists, oldest first, then what has changed since the last one that passed."""
     from atlantis_netcfg.cli.checklist import check_run
-    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
+    from atlantis_netcfg.core.errors import ExitCode, NoMatchError
 
-    site, vehicle, rehearsed = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
-    every = check_run.kept_of(check_run.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    site, vehicle, is_rehearsal = arguments.word("site"), arguments.optional("vehicle"), arguments.flag("rehearsed")
+    every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     rows = [row for item in every if (row := _listed_row(item, vehicle)) is not None]
     if not rows:
-        raise NothingMatched(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
+        raise NoMatchError(f"no checklist of `{site}` has looked at `{vehicle}`", hint="leave out `vehicle=`")
     since = _since(every, vehicle)
     if arguments.flag("json"):
         values = {"exit": int(ExitCode.DONE), "errors": [], "site": site, "checklists": rows, "since_green": since}
@@ -112,38 +112,38 @@ def run_report_list(arguments: Arguments) -> ExitCode:
     return ExitCode.DONE
 
 
-def _listed_row(entry: Kept, vehicle: str | None) -> dict[str, Any] | None:
+def _listed_row(entry: SavedChecklist, vehicle: str | None) -> dict[str, Any] | None:
     """None: nothing of the vehicle is in it."""
-    from atlantis_netcfg.checklist import narrowed
+    from atlantis_netcfg.checklist import filter_by_scope
 
     document = entry.document
     if document is None:
         return {"run": entry.run, "state": str(entry.state), "why": entry.why}
-    seen = narrowed(document, {"vehicle": (vehicle,)}) if vehicle is not None else document
-    if not seen.items:
+    view = filter_by_scope(document, {"vehicle": (vehicle,)}) if vehicle is not None else document
+    if not view.items:
         return None
-    signed = document.signed
+    signature = document.signed
     return {
         "run": entry.run,
         "state": str(entry.state),
         "why": entry.why,
-        "exit": int(seen.exit),
-        "verdict": str(seen.verdict),
-        "items": len(seen.items),
-        "open": sum(item.open and item.override is None for item in seen.items),
-        "overridden": sum(item.override is not None for item in seen.items),
-        "scope": {name: list(chosen) for name, chosen in document.scope.items()},
+        "exit": int(view.exit),
+        "verdict": str(view.verdict),
+        "items": len(view.items),
+        "open": sum(item.open and item.override is None for item in view.items),
+        "overridden": sum(item.override is not None for item in view.items),
+        "scope": {name: list(values) for name, values in document.scope.items()},
         "mission": document.mission,
-        "signed_by": signed.by if signed is not None else None,
-        "signed_at": signed.at.isoformat() if signed is not None else None,
+        "signed_by": signature.by if signature is not None else None,
+        "signed_at": signature.at.isoformat() if signature is not None else None,
         "time_zone": document.time_zone,
         "folder": str(entry.folder),
     }
 
 
-def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | None:
+def _since(every: tuple[SavedChecklist, ...], vehicle: str | None) -> dict[str, Any] | None:
     """What is otherwise in the newest readable one than in the last green one before it."""
-    from atlantis_netcfg.checklist import last_green, narrowed, since
+    from atlantis_netcfg.checklist import filter_by_scope, last_green, since
 
     readable = [item for item in every if item.document is not None]
     if not readable or readable[-1].document is None:
@@ -151,8 +151,8 @@ def _since(every: tuple[Kept, ...], vehicle: str | None) -> dict[str, Any] | Non
     newest = readable[-1].document
     scope = {**newest.scope, **({"vehicle": (vehicle,)} if vehicle is not None else {})}
     green = last_green(readable[-1].folder.parent, scope, but=readable[-1].run)
-    found = since(green, narrowed(newest, scope).model_copy(update={"scope": scope}))
-    return found.model_dump(mode="json") if found is not None else None
+    difference = since(green, filter_by_scope(newest, scope).model_copy(update={"scope": scope}))
+    return difference.model_dump(mode="json") if difference is not None else None
 
 
 def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
@@ -163,7 +163,7 @@ def _listed_lines(row: Mapping[str, Any]) -> Iterator[str]:
         yield printable.line(f"{row['run']}  {row['state']}: {translate(row['why'])}")
         return
     scope = f"  mission={row['mission']}" if row["mission"] else ""
-    scope += "".join(f"  {name}={','.join(chosen)}" for name, chosen in row["scope"].items())
+    scope += "".join(f"  {name}={','.join(values)}" for name, values in row["scope"].items())
     yield printable.line(f"{row['run']}  {translate(_green(row))}{scope}")
     yield printable.line(f"  {translate(_standing(row))}")
 
@@ -192,8 +192,8 @@ def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
     if since is None:
         yield translate("there was no green one before the newest")
         return
-    unchanged = f"since {since['run']}, which was green: nothing has changed"
-    yield translate(f"since {since['run']}, which was green:" if since["changes"] else unchanged)
+    no_change = f"since {since['run']}, which was green: nothing has changed"
+    yield translate(f"since {since['run']}, which was green:" if since["changes"] else no_change)
     for item in since["changes"]:
         before, after = (item[key] or translate("none") for key in ("before", "after"))
         yield printable.line(f"  {item['id']}: {before} -> {after}: {translate(item['message'])}")
@@ -204,7 +204,7 @@ REPORT_SHOW = CommandSpec(
     "show a checklist that is kept, and where its pages are",
     group=Group.CHECKLIST,
     words=(
-        Word("site", "the site", required=True, example="coastal"),
+        Word("site", "the site", is_required=True, example="coastal"),
         Word("run", "which one; the newest if left out", example="20260504T093000Z"),
     ),
     flags=(Flag("rehearsed", "one of a rehearsal instead of a real one"), JSON),
@@ -218,14 +218,14 @@ def run_report_show(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.checklist.report import body, ending
     from atlantis_netcfg.cli.checklist import check_run
-    from atlantis_netcfg.core.errors import DeviceFailed
+    from atlantis_netcfg.core.errors import DeviceError
     from atlantis_netcfg.core.printable import show
 
-    site, rehearsed = arguments.word("site"), arguments.flag("rehearsed")
-    every = check_run.kept_of(check_run.store(rehearsed=rehearsed), site, rehearsed=rehearsed)
+    site, is_rehearsal = arguments.word("site"), arguments.flag("rehearsed")
+    every = check_run.kept_of(check_run.store(is_rehearsal=is_rehearsal), site, is_rehearsal=is_rehearsal)
     item = check_run.run_of(every, arguments.optional("run"))
     if item.document is None:
-        raise DeviceFailed(
+        raise DeviceError(
             f"the checklist {item.run} cannot be read: {item.why}", hint="look at it with `provision report verify`"
         )
     if arguments.flag("json"):
@@ -261,12 +261,12 @@ REPORT_VERIFY = CommandSpec(
 
 def run_report_verify(arguments: Arguments) -> ExitCode:
     """Look at every byte that was signed."""
-    from atlantis_netcfg.core.errors import ExitCode, NothingMatched
+    from atlantis_netcfg.core.errors import ExitCode, NoMatchError
 
     file = arguments.optional("file")
-    rows = [_mailed(arguments, file)] if file is not None else list(_kept(arguments))
+    rows = [_file_row(arguments, file)] if file is not None else list(_local_rows(arguments))
     if not rows:
-        raise NothingMatched("nothing was signed", hint="`provision check site=NAME` ends with a signature")
+        raise NoMatchError("nothing was signed", hint="`provision check site=NAME` ends with a signature")
     code = ExitCode.CHECKS_FAILED if any(row["troubles"] for row in rows) else ExitCode.DONE
     if arguments.flag("json"):
         print(json_text({"exit": int(code), "errors": [], "verified": rows}))
@@ -275,29 +275,29 @@ def run_report_verify(arguments: Arguments) -> ExitCode:
     return code
 
 
-def _kept(arguments: Arguments) -> Iterator[dict[str, Any]]:
+def _local_rows(arguments: Arguments) -> Iterator[dict[str, Any]]:
     """A row for each that was signed here, real ones first."""
     from atlantis_netcfg.checklist import books, verify
     from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.cli.checklist.check_run import folder_of
 
     site, name = arguments.optional("site"), arguments.optional("run")
-    for where in (check_run.store(rehearsed=False), check_run.store(rehearsed=True)):
+    for where in (check_run.store(is_rehearsal=False), check_run.store(is_rehearsal=True)):
         for at in check_run.sites_with(where):
             for book in books(folder_of(where, at)) if site in {None, at} else ():
                 if name in {None, book.run} and _was_signed(book):
-                    found = verify(book.folder, known=arguments.many("key"))
-                    yield _verified_row(f"{at} {book.run}", book.folder, book.document, found)
+                    troubles = verify(book.folder, required_keys=arguments.many("key"))
+                    yield _verified_row(f"{at} {book.run}", book.folder, book.document, troubles)
 
 
-def _was_signed(item: Kept) -> bool:
+def _was_signed(item: SavedChecklist) -> bool:
     """Or is damaged, or has a signed report without the manifest, which comes last."""
     from atlantis_netcfg.checklist import VehicleState
 
     return item.state in {VehicleState.SIGNED, VehicleState.DAMAGED} or (item.folder / "report.json").exists()
 
 
-def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
+def _file_row(arguments: Arguments, name: str) -> dict[str, Any]:
     """The row of a report that came alone: it is told by its own name."""
     from dataclasses import replace
     from pathlib import Path
@@ -317,14 +317,14 @@ def _mailed(arguments: Arguments, name: str) -> dict[str, Any]:
         document = Document.model_validate_json(data)
     except ValueError:
         document = None
-    found = verify_report(data, key=paths.state_dir() / KEY, known=arguments.many("key"))
-    return _verified_row(name, path, document, [replace(trouble, file=path.name) for trouble in found])
+    troubles = verify_report(data, key=paths.state_dir() / KEY, required_keys=arguments.many("key"))
+    return _verified_row(name, path, document, [replace(trouble, file=path.name) for trouble in troubles])
 
 
 def _verified_row(
     name: str, place: Path, document: Document | None, troubles: Sequence[SigningTrouble]
 ) -> dict[str, Any]:
-    signed = document.signed if document is not None else None
+    signature = document.signed if document is not None else None
     return {
         "name": name,
         "place": str(place),
@@ -332,7 +332,7 @@ def _verified_row(
         "run": document.run if document is not None else None,
         "rehearsed": document.rehearsed if document is not None else None,
         "time_zone": document.time_zone if document is not None else "",
-        "signed": signed.model_dump(mode="json") if signed is not None else None,
+        "signed": signature.model_dump(mode="json") if signature is not None else None,
         "troubles": [{"file": trouble.file, "what": trouble.what, "hint": trouble.hint} for trouble in troubles],
     }
 
@@ -344,14 +344,14 @@ def _lines(row: Mapping[str, Any]) -> Iterator[str]:
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.core.times import time_text
 
-    rehearsed = ", rehearsed" if row["rehearsed"] else ""
+    rehearsal_note = ", rehearsed" if row["rehearsed"] else ""
     if not row["troubles"]:
-        signed = row["signed"]
-        at = time_text(datetime.fromisoformat(signed["at"]), row["time_zone"])
-        words = f"{row['name']}{rehearsed}: as {signed['by']} signed it at {at}, key {signed['key']}"
+        signature = row["signed"]
+        at = time_text(datetime.fromisoformat(signature["at"]), row["time_zone"])
+        words = f"{row['name']}{rehearsal_note}: as {signature['by']} signed it at {at}, key {signature['key']}"
         yield printable.line(translate(words))
         return
-    yield printable.line(translate(f"{row['name']}{rehearsed}: NOT VERIFIED ({row['place']})"))
+    yield printable.line(translate(f"{row['name']}{rehearsal_note}: NOT VERIFIED ({row['place']})"))
     for item in row["troubles"]:
         yield printable.line(f"  {item['file']}: {translate(item['what'])}")
         yield printable.line(f"    -> {translate(item['hint'])}")

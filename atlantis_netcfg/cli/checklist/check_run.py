@@ -10,11 +10,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.checklist import Answers, Book, BookHead, Checklist, Kept, NotSigned, PlanEntry, Scope, books, plan
-from atlantis_netcfg.checklist.confirmations import named, refused_person
+from atlantis_netcfg.checklist import (
+    Answers,
+    Book,
+    BookHead,
+    Checklist,
+    PlanEntry,
+    SavedChecklist,
+    Scope,
+    SigningError,
+    books,
+    plan,
+)
+from atlantis_netcfg.checklist.confirmations import clean_name, refused_person
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import Document, Item, Phase, body, ending, lines, seal, signed, to_look_at
+from atlantis_netcfg.checklist.report import (
+    Document,
+    Item,
+    Phase,
+    body,
+    ending,
+    lines,
+    seal,
+    signature_line,
+    to_look_at,
+)
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.cli.base.consent import shown_word
 from atlantis_netcfg.cli.base.output import json_text, progress, tell
@@ -25,14 +46,14 @@ from atlantis_netcfg.cli.checklist.workflow import (
     CheckWorkflow,
     Listening,
     Prompt,
-    PromptAborted,
+    PromptAbort,
     PromptBack,
     doubt_of_name,
     price_of,
-    shown,
+    render_item,
 )
 from atlantis_netcfg.core import paths, printable
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, nearest
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import show
@@ -48,19 +69,21 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
 
 
-def refuse_faults(faults: Sequence[str], *, rehearsed: bool) -> None:
+def refuse_faults(faults: Sequence[str], *, is_rehearsal: bool) -> None:
     """Raise UsageError for what cannot be broken: nothing is, unless it is emulated."""
     if not faults:
         return
-    if not rehearsed:
+    if not is_rehearsal:
         raise UsageError("`break=` is for rehearsals: nothing real is broken on purpose", hint="add --rehearse")
     from atlantis_netcfg.checklist.runner.simulated import FAULTS
 
     for fault in faults:
         if fault not in FAULTS:
             near = nearest(fault, FAULTS)
-            known = "\n".join(["it takes:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
-            raise UsageError(f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else known)
+            fault_list = "\n".join(["it takes:", *(f"{name:<20} {item.words}" for name, item in FAULTS.items())])
+            raise UsageError(
+                f"`break={fault}`: no such fault", hint=f"did you mean `break={near}`?" if near else fault_list
+            )
 
 
 def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None:
@@ -112,39 +135,42 @@ def asks_a_router(entries: Sequence[PlanEntry]) -> bool:
     return any(question.place is Place.ROUTER for probe in probes for question in probe.asks())
 
 
-def not_rehearsed(opened: CommandSession, entries: Sequence[PlanEntry]) -> tuple[str, ...]:
+def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) -> tuple[str, ...]:
     """What the twins of these entries cannot stand for."""
-    if opened.rehearsal is None:
+    if site_session.rehearsal is None:
         return ()
     from atlantis_netcfg.checklist.runner.simulated import robots
     from atlantis_netcfg.emulator import acoustic, gnss, linux, mavlink
 
-    requested = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
+    endpoints = {entry.item.endpoint for entry in entries if entry.step.probe is not None}
     values = {"gps": gnss, "rc_rf": mavlink, "acoustic": acoustic, "usbl": acoustic}
     values |= {"robot": robots, "integration": robots}
-    beside = [line for endpoint, twin in values.items() if endpoint in requested for line in twin.NOT_REHEARSED]
-    return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *opened.rehearsal.not_rehearsed]))
+    beside = [line for endpoint, twin in values.items() if endpoint in endpoints for line in twin.NOT_REHEARSED]
+    return tuple(dict.fromkeys([*beside, *linux.NOT_REHEARSED, *site_session.rehearsal.not_rehearsed]))
 
 
 @contextmanager
 def listening(
-    opened: CommandSession, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
+    site_session: CommandSession, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
 ) -> Iterator[Listening]:
     """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
 
     `ssh_config`: file of OpenSSH that says how the gateway is reached, in place of the declared address.
     """
-    if opened.rehearsal is None:
-        request = opened.paid(opened.request(Mode.DRIFT))
-        paid = request.model_copy(update={"accept_cost": True})
-        both = [RealEars(opened.declaration, opened.site, each, notify, ssh_config) for each in (request, paid)]
+    if site_session.rehearsal is None:
+        request = site_session.confirm_cost(site_session.request(Mode.DRIFT))
+        paid_request = request.model_copy(update={"accept_cost": True})
+        both = [
+            RealEars(site_session.declaration, site_session.site, each, notify, ssh_config)
+            for each in (request, paid_request)
+        ]
         yield Listening(*both)
         return
     from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
 
-    if opened.rehearsal.targets:
-        opened.configure_twins()
-    with rehearsed_ears(opened.declaration, opened.site, opened.rehearsal, faults) as ears:
+    if site_session.rehearsal.targets:
+        site_session.configure_twins()
+    with rehearsed_ears(site_session.declaration, site_session.site, site_session.rehearsal, faults) as ears:
         yield Listening(ears, ears)
 
 
@@ -153,25 +179,25 @@ def folder_of(store: Store, site: str) -> Path:
     return store.root / site / "checks"
 
 
-def opened_book(opened: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
+def opened_book(site_session: CommandSession, checklist: Checklist, faults: Sequence[str], *, anew: bool) -> Book:
     """Go on with the open book, or begin one. Raises SiteBusy."""
-    folder = folder_of(opened.store, opened.site)
+    folder = folder_of(site_session.store, site_session.site)
     head = BookHead(
-        rehearsed=opened.rehearsed,
+        is_rehearsal=site_session.is_rehearsal,
         tool=__version__,
-        inventory=opened.declaration.revision,
-        drawing=drawing(opened.declaration, checklist),
-        not_rehearsed=not_rehearsed(opened, checklist.entries),
+        inventory=site_session.declaration.revision,
+        drawing=drawing(site_session.declaration, checklist),
+        not_rehearsed=not_rehearsed(site_session, checklist.entries),
         broken=broken(faults),
-        time_zone=opened.declaration.pilot.time_zone,
+        time_zone=site_session.declaration.pilot.time_zone,
     )
     command = shlex.join(["provision", *sys.argv[1:]])
     return Book.open(folder, checklist, head, anew=anew, command=command)
 
 
-def store(*, rehearsed: bool) -> Store:
+def store(*, is_rehearsal: bool) -> Store:
     """Where they are kept."""
-    return Store(paths.state_dir(), rehearsed=rehearsed)
+    return Store(paths.state_dir(), is_rehearsal=is_rehearsal)
 
 
 def sites_with(where: Store) -> tuple[str, ...]:
@@ -181,34 +207,38 @@ def sites_with(where: Store) -> tuple[str, ...]:
     return tuple(sorted(path.name for path in where.root.iterdir() if books(folder_of(where, path.name))))
 
 
-def kept_of(where: Store, site: str, *, rehearsed: bool) -> tuple[Kept, ...]:
+def kept_of(where: Store, site: str, *, is_rehearsal: bool) -> tuple[SavedChecklist, ...]:
     """The checklists of a site, newest last. Raises NothingMatched where there are none."""
-    known = sites_with(where)
-    if site in known:
+    sites = sites_with(where)
+    if site in sites:
         return books(folder_of(where, site))
-    near = nearest(site, known)
-    begins = "" if near else f"; `provision check site={site}{' --rehearse' if rehearsed else ''}` begins one"
-    other = "" if rehearsed or site not in sites_with(store(rehearsed=True)) else "; add --rehearsed for rehearsed ones"
-    raise NothingMatched(
-        f"there is no {'rehearsed ' if rehearsed else ''}checklist of `{site}`",
-        hint=_meant(site, known, "there are checklists of") + (other or begins),
+    near = nearest(site, sites)
+    begins = "" if near else f"; `provision check site={site}{' --rehearse' if is_rehearsal else ''}` begins one"
+    other = (
+        ""
+        if is_rehearsal or site not in sites_with(store(is_rehearsal=True))
+        else "; add --rehearsed for rehearsed ones"
+    )
+    raise NoMatchError(
+        f"there is no {'rehearsed ' if is_rehearsal else ''}checklist of `{site}`",
+        hint=_suggest(site, sites, "there are checklists of") + (other or begins),
     )
 
 
-def run_of(kept: Sequence[Kept], run: str | None) -> Kept:
+def run_of(entries: Sequence[SavedChecklist], run: str | None) -> SavedChecklist:
     """One by its name, else the newest. Raises NothingMatched."""
     if run is None:
-        return kept[-1]
-    for entry in kept:
+        return entries[-1]
+    for entry in entries:
         if entry.run == run:
             return entry
-    raise NothingMatched(
-        f"there is no checklist {run}", hint=_meant(run, [item.run for item in kept[-5:]], "the latest")
+    raise NoMatchError(
+        f"there is no checklist {run}", hint=_suggest(run, [item.run for item in entries[-5:]], "the latest")
     )
 
 
-def _meant(word: str, known: Iterable[str], what: str) -> str:
-    every = list(known)
+def _suggest(word: str, names: Iterable[str], what: str) -> str:
+    every = list(names)
     near = nearest(word, every)
     return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"
 
@@ -227,8 +257,8 @@ def pages_in(folder: Path) -> Iterator[str]:
 def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     """What a person types to go on with the same checklist."""
     words = [f"{name}={','.join(values)}" for name, values in arguments.words.items()]
-    kept = {name: value for name, value in arguments.flags.items() if name not in without}
-    flags = [part for name, value in kept.items() for part in (f"--{name}", value) if part is not None]
+    kept_flags = {name: value for name, value in arguments.flags.items() if name not in without}
+    flags = [part for name, value in kept_flags.items() for part in (f"--{name}", value) if part is not None]
     return shlex.join(["provision", arguments.command.name, *words, *flags])
 
 
@@ -252,9 +282,9 @@ def note(words: str) -> None:
     print(translate(f"note: {words}"), file=sys.stderr)
 
 
-def signer(answers: Answers | None, typed: str | None) -> str | None:
+def signer(answers: Answers | None, sign_as: str | None) -> str | None:
     """Who signs where nobody is asked; None: nobody."""
-    return typed if typed is not None or answers is None else answers.sign_by
+    return sign_as if sign_as is not None or answers is None else answers.sign_by
 
 
 def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
@@ -263,7 +293,7 @@ def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book, signers: Sequence
         prompt.say(f"\n{lines(book.document())}\n")
         try:
             return prompt.name_of(signers) if prompt.agrees("Nothing is open. Sign it as it stands?") else None
-        except PromptAborted:
+        except PromptAbort:
             return None
         except PromptBack:
             turn.go_back(prompt)
@@ -277,7 +307,7 @@ def close(
 
     `read`: whoever is here has just read the lines, so that their end is enough.
     """
-    document, errors = _signed(book, by, leave)
+    document, errors = _sign(book, by, leave)
     if document.signed is None:
         _draft(book, document)
     if arguments.flag("json"):
@@ -287,19 +317,19 @@ def close(
         last = [*_next(arguments, document), *pages_in(book.folder)]
         above = [*(seal(document) if read else body(document))]
         if document.signed is not None:  # it stands above the last lines, which have to be few
-            above.append(translate(signed(document)))
+            above.append(translate(signature_line(document)))
         room = _LAST - sum(-(-max(len(line), 1) // printable.NARROW) for line in last)
-        show([*above, "", *ending(document, room, vouched=not document.items), *last], sys.stdout)
+        show([*above, "", *ending(document, room, with_signature=not document.items), *last], sys.stdout)
         tell(errors)
     return document.exit
 
 
-def _signed(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
+def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
     if by is None:
         return book.document(), []
     try:
         return book.sign(by, lambda document: _pages(document, book), leave=leave), []
-    except NotSigned as error:
+    except SigningError as error:
         return book.document(), [error]
 
 
@@ -350,7 +380,7 @@ def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
     return pages(document, book.files)
 
 
-class CheckStopped(DeviceFailed):
+class CheckInterrupt(DeviceError):
     """Somebody pressed Ctrl+C: the book has all that was found and answered until then."""
 
 
@@ -396,7 +426,7 @@ def taking_part(
     The gateway of a rehearsal is emulated as far as the checklist asks it, so no machine is started for it; and no
     router where none is asked or broken.
     """
-    refuse_examples(declaration, rehearsed=rehearse)
+    refuse_examples(declaration, is_rehearsal=rehearse)
     hosts = tuple(declaration.site_hosts(checklist.site))
     if not rehearse:
         return hosts
@@ -406,12 +436,12 @@ def taking_part(
 
 def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
-    refuse_faults(arguments.many("break"), rehearsed=arguments.flag("rehearse"))
-    if (name := arguments.value("sign-as")) is not None and doubt_of_name(named(name)):
+    refuse_faults(arguments.many("break"), is_rehearsal=arguments.flag("rehearse"))
+    if (name := arguments.value("sign-as")) is not None and doubt_of_name(clean_name(name)):
         raise UsageError(
             f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
         )
-    prepared = PreparedCheck(arguments)
+    check = PreparedCheck(arguments)
     if prompt is None and _somebody_is_here(arguments):
         prompt = Prompt()
     try:
@@ -419,12 +449,12 @@ def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
             arguments,
             rehearse=arguments.flag("rehearse"),
             via=arguments.optional("via"),
-            chosen=prepared.hosts,
-        ) as opened:
-            return _sit(opened, prepared, prompt)
+            choose_hosts=check.hosts,
+        ) as site_session:
+            return _sit(site_session, check, prompt)
     except KeyboardInterrupt:
         hint = f"go on with `{again(arguments)}`"
-        raise CheckStopped("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
+        raise CheckInterrupt("stopped by Ctrl-C; what was found and answered until then is kept", hint=hint) from None
 
 
 def _somebody_is_here(arguments: Arguments) -> bool:
@@ -436,53 +466,58 @@ def _scope(arguments: Arguments) -> Scope:
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases, arguments.optional("mission") or "")
 
 
-def _sit(opened: CommandSession, prepared: PreparedCheck, prompt: Prompt | None) -> ExitCode:
-    faults = opened.arguments.many("break")
-    with opened_book(opened, prepared.checklist, faults, anew=_anew(opened, prompt)) as book:
-        by = _look(opened, prepared, book, prompt)
-        leave = prepared.answers.leave if prepared.answers is not None else {}
-        read = prompt is not None and by is not None and not opened.arguments.value("sign-as")
-        return close(opened.arguments, book, by, leave, read=read)
+def _sit(site_session: CommandSession, check: PreparedCheck, prompt: Prompt | None) -> ExitCode:
+    faults = site_session.arguments.many("break")
+    with opened_book(site_session, check.checklist, faults, anew=_anew(site_session, prompt)) as book:
+        by = _look(site_session, check, book, prompt)
+        leave = check.answers.leave if check.answers is not None else {}
+        read = prompt is not None and by is not None and not site_session.arguments.value("sign-as")
+        return close(site_session.arguments, book, by, leave, read=read)
 
 
-def _look(opened: CommandSession, prepared: PreparedCheck, book: Book, prompt: Prompt | None) -> str | None:
+def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt: Prompt | None) -> str | None:
     """Look and ask; who signs."""
-    entries, faults = prepared.checklist.entries, opened.arguments.many("break")
+    entries, faults = check.checklist.entries, site_session.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
-        progress(quiet=opened.as_json) if prompt is None else nullcontext(ignore) as notify,
-        listening(opened, faults, notify) as ears,
+        progress(quiet=site_session.as_json) if prompt is None else nullcontext(ignore) as notify,
+        listening(site_session, faults, notify) as ears,
     ):
         turn = CheckWorkflow(
-            book, entries, ears, _message(notify, prompt), lambda entry: price_of(opened, entry), opened.rehearsed
+            book,
+            entries,
+            ears,
+            _message(notify, prompt),
+            lambda entry: price_of(site_session, entry),
+            site_session.is_rehearsal,
         )
         if prompt is None:
-            for words in turn.alone(prepared.answers):
+            for words in turn.alone(check.answers):
                 note(words)
-            return signer(prepared.answers, opened.arguments.value("sign-as"))
-        return _with(prompt, turn, book, opened.arguments.value("sign-as"), prepared.checklist.signers)
+            return signer(check.answers, site_session.arguments.value("sign-as"))
+        return _with(prompt, turn, book, site_session.arguments.value("sign-as"), check.checklist.signers)
 
 
 def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
     def tell(item: Item) -> None:
         if prompt is not None:
-            prompt.say(shown(item))
+            prompt.say(render_item(item))
         else:
             notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
 
     return tell
 
 
-def _anew(opened: CommandSession, prompt: Prompt | None) -> bool:
+def _anew(site_session: CommandSession, prompt: Prompt | None) -> bool:
     """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
-    return opened.arguments.flag("anew") or (opened.rehearsed and prompt is None)
+    return site_session.arguments.flag("anew") or (site_session.is_rehearsal and prompt is None)
 
 
-def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, typed: str | None, signers: Sequence[str]) -> str | None:
-    """Go through it with a person; who signs (`typed`: whom `--sign-as` names)."""
+def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, sign_as: str | None, signers: Sequence[str]) -> str | None:
+    """Go through it with a person; who signs (`sign_as`: whom `--sign-as` names)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
-    except PromptAborted:
+    except PromptAbort:
         prompt.say(translate("left for later"))
-    return typed if typed is not None else signer_at(prompt, turn, book, signers)
+    return sign_as if sign_as is not None else signer_at(prompt, turn, book, signers)

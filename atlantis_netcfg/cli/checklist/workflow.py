@@ -18,8 +18,8 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.checklist import Answers, Book, Confirmation, PlanEntry, SigningRefused
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, is_photo, named, refused_person
+from atlantis_netcfg.checklist import Answers, Book, ChecklistUsageError, Confirmation, PlanEntry
+from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, clean_name, is_photo, refused_person
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
@@ -30,7 +30,7 @@ from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.inventory.model import EvidenceKind
-from atlantis_netcfg.links.cost import CostRefused, Preview
+from atlantis_netcfg.links.cost import CostRefusal, Preview
 from atlantis_netcfg.operations.allow_list_test.site import previews, satellite_of
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ _NOTES: Mapping[Verdict, str] = {
 """What is asked after a verdict that needs words."""
 
 
-def shown(item: Item) -> str:
+def render_item(item: Item) -> str:
     """Tell a result, and what to do about it."""
     hint = item.hint if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else None
     return f"  {item.verdict:<12} {item.id}: {translate(item.message)}" + (
@@ -100,8 +100,8 @@ def _title(prompt: Prompt, entry: PlanEntry) -> None:
 def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     while True:
         try:
-            prompt.say(shown(book.confirm(entry.item.id, _answer(prompt, entry.step))))
-        except SigningRefused as refused:
+            prompt.say(render_item(book.confirm(entry.item.id, _answer(prompt, entry.step))))
+        except ChecklistUsageError as refused:
             prompt.refuses(refused)
         else:
             return
@@ -133,10 +133,10 @@ def _verdict(prompt: Prompt) -> Verdict:
 
 def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
-    needed = entry.step.consent
-    assert needed is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
+    condition = entry.step.consent
+    assert condition is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
     _title(prompt, entry)
-    prompt.say(translate(f"  It is done only on your word: {needed.question}."))
+    prompt.say(translate(f"  It is done only on your word: {condition.question}."))
     if not prompt.agrees("Is that so, and shall it be done now?"):
         return None
     if price is not None:
@@ -151,8 +151,8 @@ def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
-    left, seen, override = map(shown_word, _ELSE)
-    question = f"Leave it `{left}`, answer it as `{seen}` otherwise, or `{override}` it on your word?"
+    leave_word, seen_word, override = map(shown_word, _ELSE)
+    question = f"Leave it `{leave_word}`, answer it as `{seen_word}` otherwise, or `{override}` it on your word?"
     match prompt.choose(question, _ELSE):
         case "seen":
             _confirm(book, prompt, entry)
@@ -166,40 +166,40 @@ def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntr
     `read`: its result is the line above.
     """
     if not read and book.item(entry.item.id).counts not in GREEN:
-        prompt.say(shown(book.item(entry.item.id)))
-    while book.item(entry.item.id).counts not in GREEN and _mended(book, prompt, entry, probe):
+        prompt.say(render_item(book.item(entry.item.id)))
+    while book.item(entry.item.id).counts not in GREEN and _ask_correction(book, prompt, entry, probe):
         pass
 
 
 def correct(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> None:
     """Show how an item stands, and let it be looked at or answered again, whatever it is. Raises Later."""
-    prompt.say(shown(book.item(entry.item.id)))
-    if _mended(book, prompt, entry, probe):
+    prompt.say(render_item(book.item(entry.item.id)))
+    if _ask_correction(book, prompt, entry, probe):
         mend(book, prompt, entry, probe, read=True)
 
 
-def _mended(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> bool:
+def _ask_correction(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> bool:
     """Ask what becomes of an item; False: it stays as it is."""
     item = book.item(entry.item.id)
     again, override, on = map(shown_word, _AFTER)
     if item.verdict in OVERRIDABLE:
-        chosen = prompt.choose(f"Look `{again}`, `{override}` it on your word, or go `{on}`?", _AFTER)
+        choice = prompt.choose(f"Look `{again}`, `{override}` it on your word, or go `{on}`?", _AFTER)
     else:
-        chosen = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
-    if chosen == "override":
+        choice = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
+    if choice == "override":
         _override(book, prompt, entry)
-    elif chosen == "again" and item.kind is ItemKind.PERSON:
+    elif choice == "again" and item.kind is ItemKind.PERSON:
         confirm(book, prompt, entry)
-    elif chosen == "again":
+    elif choice == "again":
         probe(entry)
-    return chosen != "on"
+    return choice != "on"
 
 
 def _override(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     try:
         reason = prompt.needs("The reason, which stands in the report:")
         book.override(entry.item.id, reason, prompt.name_of(entry.step.by))
-    except SigningRefused as refused:
+    except ChecklistUsageError as refused:
         prompt.refuses(refused)
 
 
@@ -221,7 +221,7 @@ class CheckWorkflow:
     """What an active step costs on a metered link. Raises CostRefused."""
     at_once: bool = False
     """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
-    _visited: list[PlanEntry] = field(default_factory=list)
+    _visited_entries: list[PlanEntry] = field(default_factory=list)
     """What a person was asked about in this sitting, for `back`."""
 
     def alone(self, answers: Answers | None) -> tuple[str, ...]:
@@ -230,8 +230,10 @@ class CheckWorkflow:
         What was green at an earlier sitting is looked at again: without a person nobody can say that it still is.
         Gives what of the answers was not needed, in words.
         """
-        agreed = self._consented(answers) if answers is not None else {}
-        self._examine([entry for entry in self.entries if self._by_itself(entry) or entry.item.id in agreed], agreed)
+        consents = self._collect_consents(answers) if answers is not None else {}
+        self._examine(
+            [entry for entry in self.entries if self._by_itself(entry) or entry.item.id in consents], consents
+        )
         return answers.write_down(self.book, self.show) if answers is not None else ()
 
     def with_a_person(self, prompt: Prompt) -> None:
@@ -277,15 +279,15 @@ class CheckWorkflow:
             else:
                 break
         if prompt.answers:
-            self._visited.append(entry)
+            self._visited_entries.append(entry)
         prompt.begin("")
 
     def go_back(self, prompt: Prompt) -> None:
         """Ask about the last item again; what was answered before stays in the log. Raises Later."""
-        if not self._visited:
+        if not self._visited_entries:
             prompt.say(translate("  this is the first question"))
             return
-        entry = self._visited.pop()
+        entry = self._visited_entries.pop()
         _title(prompt, entry)
         if self._open(entry):
             self._visit(prompt, entry, partial(self._settle, prompt, entry))
@@ -323,7 +325,7 @@ class CheckWorkflow:
             return
         try:
             by = consent(prompt, entry, self.price(entry))
-        except CostRefused as refused:
+        except CostRefusal as refused:
             _title(prompt, entry)
             for words in filter(None, (str(refused), refused.hint)):
                 prompt.say(f"  {translate(words)}")
@@ -333,7 +335,7 @@ class CheckWorkflow:
             return
         if entry.step.consent is not None and entry.step.consent.prompt:
             prompt.say(translate(f"  Now: {entry.step.consent.prompt}."))
-        self._examine([entry], {entry.item.id: by}, paid=True)
+        self._examine([entry], {entry.item.id: by}, is_paid=True)
 
     def _sick(self, entry: PlanEntry) -> Item | None:
         """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
@@ -341,28 +343,28 @@ class CheckWorkflow:
         items = (self.book.item(other.item.id) for other in cell)
         return next((item for item in items if item.counts is Verdict.FAIL), None)
 
-    def _examine(self, entries: Sequence[PlanEntry], agreed: Mapping[str, str], *, paid: bool = False) -> None:
-        """`agreed`: who has consented to which active item; `paid`: to its cost as well."""
+    def _examine(self, entries: Sequence[PlanEntry], consents: Mapping[str, str], *, is_paid: bool = False) -> None:
+        """`consents`: who has consented to which active item; `is_paid`: to its cost as well."""
 
-        def settled(item: Item) -> None:
-            by = agreed.get(item.id)
+        def settle(item: Item) -> None:
+            by = consents.get(item.id)
             self.show(self.book.settle(_with_consent(item, steps[item.id], by) if by is not None else item))
 
         steps = {entry.item.id: entry for entry in entries}
         if entries:
-            asyncio.run(examine(entries, self.ears.paid if paid else self.ears.free, settled))
+            asyncio.run(examine(entries, self.ears.paid_ears if is_paid else self.ears.free, settle))
 
-    def _consented(self, answers: Answers) -> dict[str, str]:
+    def _collect_consents(self, answers: Answers) -> dict[str, str]:
         """The active items that the answers consent to, and that are paid for or cost nothing."""
-        desired = [item for item in self.entries if item.item.kind is ItemKind.ACTIVE and not self._green(item)]
-        values = {entry.item.id: answers.consents(entry.item.id) for entry in desired if not self._due(entry)}
+        active_entries = [item for item in self.entries if item.item.kind is ItemKind.ACTIVE and not self._green(item)]
+        values = {entry.item.id: answers.consents(entry.item.id) for entry in active_entries if not self._due(entry)}
         return {item_id: by for item_id, by in values.items() if by is not None}
 
     def _due(self, entry: PlanEntry) -> bool:
         """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
         try:
             price = self.price(entry)
-        except CostRefused:
+        except CostRefusal:
             return True
         return price is not None and price.due
 
@@ -402,7 +404,7 @@ _ANSWER = 9
 """Columns that stay for an answer behind its choices."""
 
 
-class PromptAborted(Exception):
+class PromptAbort(Exception):
     """The person goes on another time."""
 
 
@@ -427,11 +429,11 @@ class Prompt:
 
     def say(self, text: str = "") -> None:
         """Print lines, in the person's language already; what came from a device or a file cannot move the cursor."""
-        self._say(_fitted(printable.lines(text)))
+        self._say(_fit(printable.lines(text)))
 
-    def refuses(self, refused: SigningRefused) -> None:
+    def refuses(self, refusal: ChecklistUsageError) -> None:
         """Say why an answer is not taken, and what to do."""
-        self.say(f"  {translate(str(refused))}: {translate(refused.hint or '')}")
+        self.say(f"  {translate(str(refusal))}: {translate(refusal.hint or '')}")
 
     def ask(self, question: str) -> str:
         """One answer, which may be empty. Raises Later, Back."""
@@ -441,11 +443,11 @@ class Prompt:
         """The answer to a question that is in the person's language already."""
         place = f"({self._place}) " if self._place else ""
         try:
-            answer = self._ask(f"{_fitted(place + printable.lines(question).rstrip())} ").strip()
+            answer = self._ask(f"{_fit(place + printable.lines(question).rstrip())} ").strip()
         except EOFError:
-            raise PromptAborted from None
+            raise PromptAbort from None
         if plain(answer) in taken_words(LATER):
-            raise PromptAborted
+            raise PromptAbort
         if plain(answer) in taken_words(BACK):
             raise PromptBack
         self.answers += 1
@@ -456,16 +458,16 @@ class Prompt:
         every = (*words, BACK, LATER)
         choices = ", ".join(map(shown_word, every))
         while True:
-            typed = plain(self._read(self._with_choices(translate(question), choices))) or default
-            word = _meant(typed, every)
+            answer = plain(self._read(self._with_choices(translate(question), choices))) or default
+            word = _match_word(answer, every)
             if word == LATER:
-                raise PromptAborted
+                raise PromptAbort
             if word == BACK:
                 self.answers -= 1
                 raise PromptBack
             if word is not None:
                 return words[word]
-            near = nearest(typed, map(shown_word, words))
+            near = nearest(answer, map(shown_word, words))
             self.say(translate(f"  type one of: {choices}") + (f" (`{near}`?)" if near else ""))
 
     def _with_choices(self, question: str, choices: str) -> str:
@@ -492,8 +494,8 @@ class Prompt:
         """Who answers: asked once."""
         while not self._name:
             try:
-                name = named(self.needs("Your name, as it shall stand in the report:"))
-            except SigningRefused as refused:
+                name = clean_name(self.needs("Your name, as it shall stand in the report:"))
+            except ChecklistUsageError as refused:
                 self.refuses(refused)
                 continue
             if (doubt := doubt_of_name(name)) is None or self.is_so(doubt):
@@ -505,22 +507,22 @@ class Prompt:
         if not people or refused_person(self.name, people, "answer") is None:
             return self.name
         while True:
-            typed = self.needs(f"Who of them is it: {', '.join(people)}?")
-            if (wrong := refused_person(typed, people, "answer")) is None:
-                return typed
+            name = self.needs(f"Who of them is it: {', '.join(people)}?")
+            if (wrong := refused_person(name, people, "answer")) is None:
+                return name
             self.say(translate(f"  {wrong[0]}"))
 
     def number(self, question: str) -> float:
         """A number, with a point or a comma. Raises Later, Back."""
         while True:
-            typed = self.needs(question)
+            text = self.needs(question)
             try:
-                value = float(typed.replace(",", "."))
+                value = float(text.replace(",", "."))
             except ValueError:
                 value = math.nan
             if math.isfinite(value):
                 return value
-            self.say(translate(f"  `{typed}` is no number: write it without its unit, like 16.1"))
+            self.say(translate(f"  `{text}` is no number: write it without its unit, like 16.1"))
 
     def files(self, *, photo: bool = False) -> tuple[Path, ...]:
         """Photos or files that show it; none with an empty answer, unless a photo is needed. Raises Later, Back."""
@@ -531,23 +533,23 @@ class Prompt:
                 self.say(translate(words))
             files.append(file)
         more = "no more" if photo else "none or no more"
-        while typed := self.ask(f"Photo or file that shows it (a path; empty: {more}):"):
-            if (file := self._path(typed)).is_file():
+        while path_text := self.ask(f"Photo or file that shows it (a path; empty: {more}):"):
+            if (file := self._path(path_text)).is_file():
                 files.append(file)
             else:
-                self.say(translate(f"  there is no file {typed}"))
+                self.say(translate(f"  there is no file {path_text}"))
         return tuple(files)
 
     @staticmethod
-    def _path(typed: str) -> Path:
-        return Path(typed).expanduser()
+    def _path(path_text: str) -> Path:
+        return Path(path_text).expanduser()
 
 
 _LABEL = re.compile(r" *\S+ {2,}| *")
 """What the words of a line stand behind: the label of a column, or blanks."""
 
 
-def _fitted(text: str) -> str:
+def _fit(text: str) -> str:
     """Lines that are wider than a terminal are broken between words; the rest stands below the first words."""
     return "\n".join(_broken(line) if len(line) > _WIDTH else line for line in text.split("\n"))
 
@@ -560,10 +562,14 @@ def _broken(line: str) -> str:
     return start + f"\n{below}".join(parts)
 
 
-def _meant(typed: str, words: Sequence[str]) -> str | None:
+def _match_word(text: str, words: Sequence[str]) -> str | None:
     """The word that is typed whole, or that alone begins so."""
-    begun = [word for word in words if typed and any(known.startswith(typed) for known in taken_words(word))]
-    return next((word for word in words if typed in taken_words(word)), begun[0] if len(begun) == 1 else None)
+    prefix_matches = [
+        word for word in words if text and any(alternative.startswith(text) for alternative in taken_words(word))
+    ]
+    return next(
+        (word for word in words if text in taken_words(word)), prefix_matches[0] if len(prefix_matches) == 1 else None
+    )
 
 
 _FILE_NAME = re.compile(r"[/\\~]|\.(jpe?g|png|heic|gif|webp|tiff?|pdf|txt|log|ya?ml|json|html|cfg|zip)$", re.IGNORECASE)
@@ -577,7 +583,7 @@ def doubt_of_name(name: str) -> str | None:
         return f"`{name}` looks like a word of the command. Is it your name?"
     if _FILE_NAME.search(name):
         return f"`{name}` looks like a file. Is it your name?"
-    answers = {known for word in (*_WORDS, *_AFTER, *_ELSE, PAY) for known in taken_words(word)}
+    answers = {alternative for word in (*_WORDS, *_AFTER, *_ELSE, PAY) for alternative in taken_words(word)}
     return f"`{name}` looks like an answer to another question. Is it your name?" if plain(name) in answers else None
 
 
@@ -590,25 +596,27 @@ class Price:
     """Whether somebody has to agree to pay; in a rehearsal nobody has, nor where `--accept-cost` was typed."""
 
 
-def price_of(opened: CommandSession, entry: PlanEntry) -> Price | None:
+def price_of(session: CommandSession, entry: PlanEntry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None
     proofs = [ask for ask in entry.step.probe.asks() if isinstance(ask, AllowListTestRequest)]
-    metered = [each for proof in proofs for each in _previews(opened, proof.bearer) if each.link.metered]
-    for item in metered:
-        if item.over_cap and not opened.rehearsed:
+    metered_previews = [each for proof in proofs for each in _previews(session, proof.bearer) if each.link.is_metered]
+    for item in metered_previews:
+        if item.over_cap and not session.is_rehearsal:
             raise item.refusal()
-    if not metered:
+    if not metered_previews:
         return None
-    due = not opened.rehearsed and not opened.arguments.flag(ACCEPT_COST.name)
-    return Price("; ".join(preview.words for preview in metered), due)
+    due = not session.is_rehearsal and not session.arguments.flag(ACCEPT_COST.name)
+    return Price("; ".join(preview.words for preview in metered_previews), due)
 
 
-def _previews(opened: CommandSession, bearer: str) -> tuple[Preview, ...]:
-    found = satellite_of(opened.declaration, opened.site, bearer)
-    via = opened.arguments.optional("via")
-    return previews(opened.declaration, found.proving(opened.declaration, rehearsed=opened.rehearsed, via=via))
+def _previews(session: CommandSession, bearer: str) -> tuple[Preview, ...]:
+    satellite = satellite_of(session.declaration, session.site, bearer)
+    via = session.arguments.optional("via")
+    return previews(
+        session.declaration, satellite.proving(session.declaration, is_rehearsal=session.is_rehearsal, via=via)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -616,5 +624,5 @@ class Listening:
     """The ears of a site."""
 
     free: Ears
-    paid: Ears
+    paid_ears: Ears
     """The same when somebody has agreed to pay for what is asked."""

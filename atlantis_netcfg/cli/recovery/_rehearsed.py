@@ -21,41 +21,41 @@ _WIDTH = 80
 
 
 def rehearse_from(
-    opened: CommandSession, start: Sequence[StartState], go_on: Callable[[], RunReport], what: str
+    session: CommandSession, start: Sequence[StartState], go_on: Callable[[], RunReport], what: str
 ) -> RunReport:
     """Bring the emulated devices to their start, then go on; where that fails, the report says so.
 
     What stands for what is printed, and what that says nothing about is in the report.
     """
-    _tell(opened, start)
+    _tell(session, start)
     gaps = tuple(state.gap for state in start)
-    failed = _begin(opened, start)
-    if failed is not None:
+    failure = _begin(session, start)
+    if failure is not None:
         never = f"{what}: the emulated devices could not be brought to the state from which it begins"
-        return replace(failed, not_rehearsed=(never, *gaps, *failed.not_rehearsed))
+        return replace(failure, not_rehearsed=(never, *gaps, *failure.not_rehearsed))
     report = go_on()
     return replace(report, not_rehearsed=(*gaps, *report.not_rehearsed))
 
 
-def _begin(opened: CommandSession, start: Sequence[StartState]) -> RunReport | None:
+def _begin(session: CommandSession, start: Sequence[StartState]) -> RunReport | None:
     """Apply what they begin with, and read it back. Returns the report of what failed."""
-    hosts, back_to, restore = opened.hosts, opened.back_to, opened.restore
-    ways = dict.fromkeys((state.back_to, state.restore) for state in start if not state.adopted)
+    hosts, back_to, restore = session.hosts, session.back_to, session.restore
+    ways = dict.fromkeys((state.back_to, state.restore) for state in start if not state.is_ready)
     try:
         for way in ways:
-            names = {state.host for state in start if (state.back_to, state.restore) == way and not state.adopted}
-            opened.hosts = tuple(host for host in hosts if host.name in names)
-            opened.back_to, opened.restore = way
-            report = opened.perform(Mode.APPLY)
+            names = {state.host for state in start if (state.back_to, state.restore) == way and not state.is_ready}
+            session.hosts = tuple(host for host in hosts if host.name in names)
+            session.back_to, session.restore = way
+            report = session.perform(Mode.APPLY)
             if report.exit is not ExitCode.DONE:
                 return report
     finally:
-        opened.hosts, opened.back_to, opened.restore = hosts, back_to, restore
+        session.hosts, session.back_to, session.restore = hosts, back_to, restore
     return None
 
 
-def _tell(opened: CommandSession, start: Sequence[StartState]) -> None:
-    if opened.as_json:
+def _tell(session: CommandSession, start: Sequence[StartState]) -> None:
+    if session.as_json:
         return
     for state in start:
         text = f"{state.host}: {translate(state.words)}"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, Arguments, CommandSpec, Flag, Group, Word
 from atlantis_netcfg.cli.base.inventory_names import Values
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,7 +21,7 @@ RESUME = CommandSpec(
     "go on with a run that was interrupted, from what the devices have kept",
     group=Group.TROUBLE,
     words=(
-        Word("site", "the site of the run", required=True, example="coastal"),
+        Word("site", "the site of the run", is_required=True, example="coastal"),
         Word(
             "run",
             "the run, as `provision runs` lists it; the latest unfinished one if left out",
@@ -54,14 +54,14 @@ def run_resume(arguments: Arguments) -> ExitCode:
 
     if arguments.flag("rehearse"):
         return _run_rehearsed(arguments)
-    with session(arguments) as opened:
+    with session(arguments) as site_session:
         try:
-            broken = _broken(opened.state, opened.site, arguments.optional("run"))
-        except NothingMatched as nothing:
-            report = _left_by_others(opened, arguments.optional("run"), nothing)
+            broken = _broken(site_session.state, site_session.site, arguments.optional("run"))
+        except NoMatchError as nothing:
+            report = _left_by_others(site_session, arguments.optional("run"), nothing)
         else:
-            report = _resumed(opened, broken)
-    return opened.close(report)
+            report = _resume(site_session, broken)
+    return site_session.close(report)
 
 
 def _run_rehearsed(arguments: Arguments) -> ExitCode:
@@ -72,26 +72,26 @@ def _run_rehearsed(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.inventory import choose
     from atlantis_netcfg.operations.common.saved_states import hosts_of_run
 
-    found: list[Run] = []
+    runs: list[Run] = []
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         site = arguments.word("site")
-        named = choose(declaration, site)
-        broken = _broken(paths.state_dir(), site, arguments.optional("run"), rehearsed=True)
+        site_hosts = choose(declaration, site)
+        broken = _broken(paths.state_dir(), site, arguments.optional("run"), is_rehearsal=True)
         _refuse_others(broken)
         _refuse_settled(broken)
-        found.append(broken)
-        return hosts_of_run(named, broken.undone)
+        runs.append(broken)
+        return hosts_of_run(site_hosts, broken.undone)
 
-    with session(arguments, rehearse=True, chosen=chosen) as opened:
-        (broken,) = found
-        announce(opened)
-        _aim(opened, broken)
-        report = _rehearsed(opened, broken)
-    return opened.close(report)
+    with session(arguments, rehearse=True, choose_hosts=choose_hosts) as site_session:
+        (broken,) = runs
+        announce(site_session)
+        _aim(site_session, broken)
+        report = _rehearse(site_session, broken)
+    return site_session.close(report)
 
 
-def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
+def _rehearse(session: CommandSession, broken: Run) -> RunReport:
     """Go on as the real command would; again over each bearer, nothing may be left to change."""
     from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
@@ -99,76 +99,78 @@ def _rehearsed(opened: CommandSession, broken: Run) -> RunReport:
     from atlantis_netcfg.operations.common.saved_states import before_resuming
 
     def go_on() -> RunReport:
-        if opened.arguments.flag("plan") or opened.rehearsal is None:
-            return opened.plan()
-        return rehearse(opened, opened.rehearsal, mode=Mode.RESUME, run=broken.id)
+        if session.arguments.flag("plan") or session.rehearsal is None:
+            return session.plan()
+        return rehearse(session, session.rehearsal, mode=Mode.RESUME, run=broken.id)
 
-    start = before_resuming(opened.state, opened.hosts, broken)
-    return rehearse_from(opened, start, go_on, f"how run {broken.id} goes on")
+    start = before_resuming(session.state, session.hosts, broken)
+    return rehearse_from(session, start, go_on, f"how run {broken.id} goes on")
 
 
-def _broken(state: Path, site: str, name: str | None, *, rehearsed: bool = False) -> Run:
+def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = False) -> Run:
     """The run that was named, or the latest unfinished one. Raises NothingMatched."""
     from atlantis_netcfg.operations.common.saved_states import saved_run, stores
     from atlantis_netcfg.runs import Purpose
 
     if name is not None:
-        named = saved_run(state, site, name, rehearsed=rehearsed)
-        if named.started is None and named.damage:
-            raise named.damage_error("the run cannot be resumed: type its command again")
-        return named
-    unfinished = next((runs for store in stores(state, rehearsed=rehearsed) if (runs := store.unfinished(site))), ())
-    if not unfinished:
-        raise NothingMatched(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")
-    return next((run for run in reversed(unfinished) if run.purpose is Purpose.CONFIGURE), unfinished[-1])
+        named_run = saved_run(state, site, name, is_rehearsal=is_rehearsal)
+        if named_run.start_record is None and named_run.damage:
+            raise named_run.damage_error("the run cannot be resumed: type its command again")
+        return named_run
+    open_runs = next(
+        (runs for store in stores(state, is_rehearsal=is_rehearsal) if (runs := store.unfinished_runs(site))), ()
+    )
+    if not open_runs:
+        raise NoMatchError(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")
+    return next((run for run in reversed(open_runs) if run.purpose is Purpose.CONFIGURE), open_runs[-1])
 
 
-def _resumed(opened: CommandSession, broken: Run) -> RunReport:
+def _resume(session: CommandSession, broken: Run) -> RunReport:
     """Go on with a run of this computer: also on devices whose turn had not come, or which were as before again."""
     from atlantis_netcfg.operations import Mode
 
     _refuse_others(broken)
     _refuse_settled(broken)
-    opened.narrow(broken.undone)
-    _aim(opened, broken)
-    if opened.arguments.flag("plan"):
-        return opened.plan()
-    return opened.perform(Mode.RESUME, run=broken.id)
+    session.narrow(broken.undone)
+    _aim(session, broken)
+    if session.arguments.flag("plan"):
+        return session.plan()
+    return session.perform(Mode.RESUME, run=broken.id)
 
 
-def _aim(opened: CommandSession, broken: Run) -> None:
+def _aim(session: CommandSession, broken: Run) -> None:
     """Go where the run was going, and say it."""
-    _tell(opened, broken)
-    if broken.started is not None:
-        opened.back_to, opened.restore = broken.started.back_to, broken.started.restore
+    _tell(session, broken)
+    if broken.start_record is not None:
+        session.back_to, session.restore = broken.start_record.back_to, broken.start_record.restore
 
 
-def _left_by_others(opened: CommandSession, name: str | None, nothing: NothingMatched) -> RunReport:
+def _left_by_others(session: CommandSession, name: str | None, nothing: NoMatchError) -> RunReport:
     """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
 
     Raises `nothing` where there is nothing on them either.
     """
     from atlantis_netcfg.operations import Mode
 
-    if opened.declaration.pilot.example_values or not opened.asked:
+    if session.declaration.pilot.example_values or not session.handled_hosts:
         raise nothing
-    opened.narrow([host.name for host in opened.asked])
-    if not opened.as_json:
+    session.narrow([host.name for host in session.handled_hosts])
+    if not session.as_json:
         print(f"{nothing}; looking on its devices", flush=True)
-    report = opened.perform(Mode.PLAN)
+    report = session.perform(Mode.PLAN)
     busy = {device: str(result["busy"]) for device, result in report.devices.items() if result.get("busy")}
     if name is not None:
         busy = {device: words for device, words in busy.items() if f"run {name} of " in words}
-    if busy and opened.arguments.flag("plan"):
-        opened.show_plan(report)
+    if busy and session.arguments.flag("plan"):
+        session.show_plan(report)
         return report
     if busy:
-        opened.narrow([*busy])
-        return opened.perform(Mode.RESUME, run=name)
+        session.narrow([*busy])
+        return session.perform(Mode.RESUME, run=name)
     if report.exit is ExitCode.CHANGES:
-        raise NothingMatched(
+        raise NoMatchError(
             f"{nothing}, and nothing is open on its devices, which are not as declared",
-            hint=f"to bring them there, type:  provision site={opened.site}",
+            hint=f"to bring them there, type:  provision site={session.site}",
         )
     if report.exit is ExitCode.DONE:
         raise nothing
@@ -179,37 +181,42 @@ def _refuse_others(broken: Run) -> None:
     """What is no run of the engine is repeated, and goes on by what the device says. Raises UsageError."""
     from atlantis_netcfg.runs import Purpose
 
-    repeated = {
+    repeatable = {
         Purpose.ADOPT: "a first contact",
         Purpose.UPGRADE: "an upgrade",
         Purpose.INSTALL: "an import of a VPN identity",
     }
-    if broken.purpose in repeated:
-        what = repeated[broken.purpose]
+    if broken.purpose in repeatable:
+        what = repeatable[broken.purpose]
         raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
 
 
 def _refuse_settled(broken: Run) -> None:
     """What has left nothing open may still not have come to its end everywhere. Raises NothingMatched."""
-    if broken.unsettled or broken.started is None or not broken.started.command.startswith("provision "):
+    if (
+        broken.unsettled_devices
+        or broken.start_record is None
+        or not broken.start_record.command.startswith("provision ")
+    ):
         return
-    raise NothingMatched(
+    raise NoMatchError(
         f"run {broken.id} has left nothing open on any device",
-        hint=f"to bring them to where it was going, type its command again:  {broken.started.command}",
+        hint=f"to bring them to where it was going, type its command again:  {broken.start_record.command}",
     )
 
 
-def _tell(opened: CommandSession, broken: Run) -> None:
-    if opened.as_json:
+def _tell(session: CommandSession, broken: Run) -> None:
+    if session.as_json:
         return
-    print(f"run {broken.id}: {broken.started.command if broken.started else 'killed before it had begun'}")
+    print(f"run {broken.id}: {broken.start_record.command if broken.start_record else 'killed before it had begun'}")
     for host in broken.undone:
         progress = (
-            f"{len(broken.confirmed(host))} actions were confirmed, {len(broken.acknowledged(host))} acknowledged"
+            f"{len(broken.confirmed_actions(host))} actions were confirmed, "
+            f"{len(broken.acknowledged_actions(host))} acknowledged"
         )
         print(f"  {host:<18} {progress}")
-    started = broken.started
-    if started is not None and (started.back_to or started.restore):
-        print(f"  it goes on towards the saved state of run {started.back_to or started.restore}")
-    elif started is not None and started.revision != opened.declaration.revision:
+    start = broken.start_record
+    if start is not None and (start.back_to or start.restore):
+        print(f"  it goes on towards the saved state of run {start.back_to or start.restore}")
+    elif start is not None and start.revision != session.declaration.revision:
         print("  the inventory has changed since then: the devices are brought to what it declares now")

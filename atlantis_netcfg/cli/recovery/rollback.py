@@ -20,12 +20,12 @@ ROLLBACK = CommandSpec(
     "put a site's devices back to what they were before a run",
     group=Group.TROUBLE,
     words=(
-        Word("site", "the site of the run", required=True, example="coastal"),
+        Word("site", "the site of the run", is_required=True, example="coastal"),
         Word(
             "to",
             "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one, "
             "rollbacks apart",
-            required=True,
+            is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
         ),
@@ -58,75 +58,75 @@ def run_rollback(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
 
-    found: list[Run] = []
-    rehearsed = arguments.flag("rehearse")
+    runs: list[Run] = []
+    is_rehearsal = arguments.flag("rehearse")
 
-    def chosen(declaration: Declaration) -> tuple[Host, ...]:
-        run, hosts = _chosen(declaration, arguments)
-        found.append(run)
+    def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
+        run, hosts = _choose_run(declaration, arguments)
+        runs.append(run)
         return hosts
 
-    with session(arguments, rehearse=rehearsed, chosen=chosen) as opened:
-        (run,) = found
-        opened.back_to = run.id
-        if rehearsed:
-            announce(opened)
-        _tell(opened, run)
-        report = _rehearsed(opened, run) if rehearsed else _real(opened)
-    return opened.close(report)
+    with session(arguments, rehearse=is_rehearsal, choose_hosts=choose_hosts) as site_session:
+        (run,) = runs
+        site_session.back_to = run.id
+        if is_rehearsal:
+            announce(site_session)
+        _tell(site_session, run)
+        report = _rehearse(site_session, run) if is_rehearsal else _real(site_session)
+    return site_session.close(report)
 
 
-def _chosen(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[Host, ...]]:
+def _choose_run(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[Host, ...]]:
     """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
     from atlantis_netcfg.cli.base.session import require_handled
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import choose
-    from atlantis_netcfg.operations.common.kinds import handled
+    from atlantis_netcfg.operations.common.kinds import is_supported
     from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 
     site = arguments.word("site")
     only = arguments.many("only")
-    named = choose(declaration, site, only)
-    require_handled(named, only, arguments.command.name)
-    hosts = tuple(host for host in named if handled(host))
+    site_hosts = choose(declaration, site, only)
+    require_handled(site_hosts, only, arguments.command.name)
+    hosts = tuple(host for host in site_hosts if is_supported(host))
     names = [host.name for host in hosts]
-    run = saved_run(paths.state_dir(), site, arguments.word("to"), names, rehearsed=arguments.flag("rehearse"))
-    return run, hosts_to_restore(run, hosts, named=bool(only))
+    run = saved_run(paths.state_dir(), site, arguments.word("to"), names, is_rehearsal=arguments.flag("rehearse"))
+    return run, hosts_to_restore(run, hosts, is_explicit=bool(only))
 
 
-def _tell(opened: CommandSession, run: Run) -> None:
+def _tell(session: CommandSession, run: Run) -> None:
     """Say to before which run it goes back: `latest` is nobody's name for it."""
-    if opened.as_json:
+    if session.as_json:
         return
-    started = run.started
+    start = run.start_record
     when = f"{run.at:%Y-%m-%d %H:%M} UTC" if run.at is not None else ""
     print(translate(f"back to the state before run {run.id} ({when}, exit {run.exit})"), flush=True)
-    if started is not None:
-        print(f"  {started.command}", flush=True)
-    if started is not None and started.rehearsed:
+    if start is not None:
+        print(f"  {start.command}", flush=True)
+    if start is not None and start.rehearsed:
         print(f"  {translate('this was a rehearsal, on emulated devices')}", flush=True)
     for host, outcome in run.outcomes.items():
         if run.before(host) is None:
-            left = translate(f"{host} is left as it is: the run saved no state of it")
-            print(f"  {left} ({outcome.status})", flush=True)
+            note = translate(f"{host} is left as it is: the run saved no state of it")
+            print(f"  {note} ({outcome.status})", flush=True)
 
 
-def _real(opened: CommandSession) -> RunReport:
-    if opened.arguments.flag("plan"):
-        return opened.plan()
-    return opened.change(ask=not opened.arguments.flag("yes"))
+def _real(session: CommandSession) -> RunReport:
+    if session.arguments.flag("plan"):
+        return session.plan()
+    return session.change(ask=not session.arguments.flag("yes"))
 
 
-def _rehearsed(opened: CommandSession, run: Run) -> RunReport:
+def _rehearse(session: CommandSession, run: Run) -> RunReport:
     """Put back on the emulated devices what the run had saved; over each bearer again nothing may be left."""
     from atlantis_netcfg.cli.base.rehearsal import rehearse
     from atlantis_netcfg.cli.recovery._rehearsed import rehearse_from
     from atlantis_netcfg.operations.common.saved_states import before_rollback
 
     def go_on() -> RunReport:
-        if opened.arguments.flag("plan") or opened.rehearsal is None:
-            return opened.plan()
-        return rehearse(opened, opened.rehearsal)
+        if session.arguments.flag("plan") or session.rehearsal is None:
+            return session.plan()
+        return rehearse(session, session.rehearsal)
 
-    start = before_rollback(opened.state, opened.hosts, run)
-    return rehearse_from(opened, start, go_on, f"the rollback of run {run.id}")
+    start = before_rollback(session.state, session.hosts, run)
+    return rehearse_from(session, start, go_on, f"the rollback of run {run.id}")

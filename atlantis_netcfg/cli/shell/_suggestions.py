@@ -31,17 +31,17 @@ _NAME = re.compile(r"[\w.:@+-]+")
 """What a shell takes as it stands; a name with anything else in it is not offered."""
 
 
-def answer(typed: Sequence[str], table: Mapping[str, str]) -> ExitCode:
+def answer(command_line: Sequence[str], table: Mapping[str, str]) -> ExitCode:
     """Print the candidates for the last word of a line."""
     with suppress(NetcfgError, OSError, ValueError):
         language.use(language.of_environment())
-        print("".join(f"{value}{_GAP}{meaning}\n" for value, meaning in candidates(typed, table)), end="")
+        print("".join(f"{value}{_GAP}{meaning}\n" for value, meaning in candidates(command_line, table)), end="")
     return ExitCode.DONE
 
 
-def candidates(typed: Sequence[str], table: Mapping[str, str]) -> list[Candidate]:
-    """The candidates for the last word, where `typed` is what stands behind `provision`."""
-    *before, current = typed or [""]
+def candidates(command_line: Sequence[str], table: Mapping[str, str]) -> list[Candidate]:
+    """The candidates for the last word, where `command_line` is what stands behind `provision`."""
+    *before, current = command_line or [""]
     return [(value, meaning) for value, meaning in _possible(before, current, table) if value.startswith(current)]
 
 
@@ -51,7 +51,7 @@ def _possible(before: Sequence[str], current: str, table: Mapping[str, str]) -> 
         return
     pairs = zip(("", *before), before, strict=False)
     bare = [word for previous, word in pairs if previous != "--lang" and word[:1] != "-" and "=" not in word]
-    name = next((known for length in (2, 1) if (known := " ".join(bare[:length])) in table), None)
+    name = next((candidate for length in (2, 1) if (candidate := " ".join(bare[:length])) in table), None)
     if name is not None:
         yield from _of_command(load(name, table).command, before, current)
         return
@@ -63,14 +63,14 @@ def _possible(before: Sequence[str], current: str, table: Mapping[str, str]) -> 
 
 def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candidate]:
     """The commands, word by word: `vpn`, and behind it `init`, `onboard` and the others."""
-    found: dict[str, str] = {}
+    meanings: dict[str, str] = {}
     for name in table:
         words = name.split()
         if words[: len(bare)] != list(bare):
             continue
         several = len(words) > len(bare) + 1
-        found.setdefault(words[len(bare)], "…" if several else translate(load(name, table).command.summary))
-    yield from found.items()
+        meanings.setdefault(words[len(bare)], "…" if several else translate(load(name, table).command.summary))
+    yield from meanings.items()
 
 
 def _of_command(command: CommandSpec, before: Sequence[str], current: str) -> Iterator[Candidate]:
@@ -84,33 +84,35 @@ def _of_command(command: CommandSpec, before: Sequence[str], current: str) -> It
         if word is not None:
             yield from _values(word, value, before)
         return
-    given = {argument.partition("=")[0] for argument in before}
-    words = [(f"{word.name}=", translate(word.help)) for word in command.words if word.many or word.name not in given]
+    used_names = {argument.partition("=")[0] for argument in before}
+    words = [
+        (f"{word.name}=", translate(word.help)) for word in command.words if word.many or word.name not in used_names
+    ]
     yield from words
     if current.startswith("-") or not words:
         flags = ((f"--{flag.name}", translate(flag.help)) for flag in (*command.flags, *FRAME))
-        yield from ((flag, text) for flag, text in flags if flag not in given)
+        yield from ((flag, text) for flag, text in flags if flag not in used_names)
 
 
 def _values(word: Word, value: str, before: Sequence[str]) -> Iterator[Candidate]:
     """The values of a word; of a list the last one is completed, and those that stand there already are left out."""
     head = value.rpartition(",")[0] if word.many else ""
-    listed = head.split(",")
+    used_values = head.split(",")
     start = f"{word.name}={head}," if head else f"{word.name}="
-    for known, meaning in _known(word, before):
-        if known not in listed and _NAME.fullmatch(known):
-            yield f"{start}{known}", meaning
+    for candidate, meaning in _value_candidates(word, before):
+        if candidate not in used_values and _NAME.fullmatch(candidate):
+            yield f"{start}{candidate}", meaning
 
 
-def _known(word: Word, before: Sequence[str]) -> Iterator[Candidate]:
+def _value_candidates(word: Word, before: Sequence[str]) -> Iterator[Candidate]:
     yield from ((choice, "") for choice in word.choices)
     site = next((argument.partition("=")[2] for argument in before if argument.startswith("site=")), "")
-    if word.known in {Values.RUN, Values.RUN_OR_LATEST}:
-        if word.known is Values.RUN_OR_LATEST:
+    if word.value_kind in {Values.RUN, Values.RUN_OR_LATEST}:
+        if word.value_kind is Values.RUN_OR_LATEST:
             yield "latest", translate("the newest one that has a state")
         yield from ((run, "") for run in _runs(site))
-    elif word.known is not None:
-        yield from ((name, "") for name in names(folder_of(before), word.known, site))
+    elif word.value_kind is not None:
+        yield from ((name, "") for name in names(folder_of(before), word.value_kind, site))
 
 
 def _runs(site: str) -> list[str]:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.cli.base.arguments import FRAME, CommandSpec, Group
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
-from atlantis_netcfg.cli.help import MEANING, grouped, word_text
+from atlantis_netcfg.cli.help import MEANING, group_commands, word_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
 
@@ -53,13 +53,13 @@ def page(table: Mapping[str, str]) -> str:
         ".br",
         _usage("provision", "COMMAND [words] [--flags]"),
     ]
-    for title, listed in grouped(commands):
+    for title, members in group_commands(commands):
         lines.append(_section(title))
-        for command in listed:
+        for command in members:
             lines += _command(command)
     lines.append(_section("Flags of every command"))
     for flag in FRAME:
-        lines += [".TP", f"\\fB{_escaped(flag.shown)}\\fR", _text(translate(flag.help))]
+        lines += [".TP", f"\\fB{_escape(flag.usage)}\\fR", _text(translate(flag.help))]
     lines.append(_section("Exit codes"))
     for code, meaning in MEANING.items():
         lines += [".TP 4", _text(str(int(code))), _text(translate(meaning))]
@@ -67,37 +67,37 @@ def page(table: Mapping[str, str]) -> str:
 
 
 def _command(command: CommandSpec) -> Iterator[str]:
-    shown = "provision site=NAME" if command.name == DEFAULT else f"provision {command.name}"
-    yield f".SS {_quoted(shown)}"
+    usage = "provision site=NAME" if command.name == DEFAULT else f"provision {command.name}"
+    yield f".SS {_quote(usage)}"
     yield _text(translate(command.summary))
     for word in command.words:
-        yield from (".TP", f"\\fB{_escaped(word.shown)}\\fR", _text(word_text(word)))
+        yield from (".TP", f"\\fB{_escape(word.usage)}\\fR", _text(word_text(word)))
     for flag in command.flags:
-        yield from (".TP", f"\\fB{_escaped(flag.shown)}\\fR", _text(translate(flag.help)))
+        yield from (".TP", f"\\fB{_escape(flag.usage)}\\fR", _text(translate(flag.help)))
     for paragraph in command.details.strip().splitlines():
         yield from (".PP", _text(translate(paragraph)))
 
 
 def _section(title: str) -> str:
-    return f".SH {_quoted(translate(title).upper())}"
+    return f".SH {_quote(translate(title).upper())}"
 
 
 def _usage(bold: str, rest: str) -> str:
-    return f"\\fB{_escaped(bold)}\\fR {_escaped(rest)}"
+    return f"\\fB{_escape(bold)}\\fR {_escape(rest)}"
 
 
-def _quoted(text: str) -> str:
-    return '"' + _escaped(text).replace('"', "\\(dq") + '"'
+def _quote(text: str) -> str:
+    return '"' + _escape(text).replace('"', "\\(dq") + '"'
 
 
 def _text(text: str) -> str:
     """Lines of text, none of which is too long or begins a request."""
     from textwrap import wrap
 
-    lines = wrap(_escaped(text), _INPUT, break_long_words=False, break_on_hyphens=False)
+    lines = wrap(_escape(text), _INPUT, break_long_words=False, break_on_hyphens=False)
     return "\n".join(f"\\&{line}" if line.startswith(".") else line for line in lines)
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """Backslashes and hyphens as they are typed: `--plan` can be copied out of the page."""
     return "".join(_SPECIAL.get(each, each if each.isascii() else f"\\[u{ord(each):04X}]") for each in text)

@@ -27,9 +27,9 @@ __all__ = [
     "AUTHORITY",
     "CLOCK",
     "NO_PUSH",
-    "declared",
     "folder",
-    "opened",
+    "load_declaration",
+    "open_authority",
     "operator",
     "request",
     "server",
@@ -58,26 +58,26 @@ def folder(arguments: Arguments) -> Path:
 
     from atlantis_netcfg.core import paths
 
-    named = arguments.optional(AUTHORITY.name)
-    return Path(named).absolute() if named is not None else paths.state_dir() / "vpn"
+    authority_name = arguments.optional(AUTHORITY.name)
+    return Path(authority_name).absolute() if authority_name is not None else paths.state_dir() / "vpn"
 
 
-def opened(arguments: Arguments) -> Authority:
+def open_authority(arguments: Arguments) -> Authority:
     """The authority. Raises NoAuthority."""
     from atlantis_netcfg.vpn.authority.authority import Authority
 
     return Authority.open(folder(arguments))
 
 
-def declared(arguments: Arguments) -> Declaration:
+def load_declaration(arguments: Arguments) -> Declaration:
     """The whole pilot, checked; vaulted values stay sealed."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
 
-    named = arguments.optional(INVENTORY.name)
-    return load(Path(named) if named else paths.checkout() / "inventory")
+    inventory_name = arguments.optional(INVENTORY.name)
+    return load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
 
 
 def who() -> str:
@@ -122,15 +122,15 @@ def tell(
     """Print the result: one JSON object, or lines on the output and errors as every error is told."""
     from atlantis_netcfg.cli.base import output
 
-    typed = output.carried(arguments)
+    words = output.carried_words(arguments)
     for error in errors:
-        error.hint = error.hint and output.as_typed(error.hint, typed)
+        error.hint = error.hint and output.as_typed(error.hint, words)
     if arguments.flag(JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json_text({"exit": int(code), "errors": rows, **values}))
         return code
     for line in lines:
-        print(printable.line(translate(output.as_typed(line, typed))))
+        print(printable.line(translate(output.as_typed(line, words))))
     sys.stdout.flush()
     output.tell(errors)
     return code
@@ -147,12 +147,12 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
 
 def server(arguments: Arguments, declaration: Declaration) -> Server:
     """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
-    from atlantis_netcfg.operations.vpn.server import Connected, NoPush, over_ssh
+    from atlantis_netcfg.operations.vpn.server import NoPush, RemoteServer, over_ssh
 
-    if arguments.given(NO_PUSH):
+    if arguments.has_flag(NO_PUSH):
         return NoPush()
     otherwise = ", or add --no-push, which contacts nobody" if arguments.command.flag(NO_PUSH.name) else ""
-    return Connected(declaration, over_ssh(declaration, request(arguments), otherwise), who())
+    return RemoteServer(declaration, over_ssh(declaration, request(arguments), otherwise), who())
 
 
 def site(declaration: Declaration) -> str:

@@ -36,21 +36,21 @@ VPN_INIT = CommandSpec(
 
 def run_vpn_init(arguments: Arguments) -> ExitCode:
     """Make it, unless it is there."""
-    from atlantis_netcfg.cli.base.passphrase import chosen
+    from atlantis_netcfg.cli.base.passphrase import choose_passphrase
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.members import existing_authority, refuse_example_authority, server_names
     from atlantis_netcfg.vpn.pki import SEAL_GUESSES, VAULT_GUESSES, check_passphrase
 
-    declaration, folder = _common.declared(arguments), _common.folder(arguments)
-    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
+    declaration, folder = _common.load_declaration(arguments), _common.folder(arguments)
+    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
     there = existing_authority(folder, declaration)
     authority = there
     if authority is None:
         vault = arguments.optional("sealed") == "vault"
         guesses = VAULT_GUESSES if vault else SEAL_GUESSES
-        passphrase = chosen(arguments, lambda typed: check_passphrase(typed, guesses))
+        passphrase = choose_passphrase(arguments, lambda text: check_passphrase(text, guesses))
         authority = Authority.init(
             folder, passphrase, server_names(declaration), _common.who(), "vault" if vault else "age"
         )
@@ -102,19 +102,19 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
 
     since = arguments.optional("since")
     start = start_of(since) if since is not None else None
-    found = audit(_common.opened(arguments), start, arguments.optional("partner"))
-    rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in found.entries]
-    checked = found.agreement
+    result = audit(_common.open_authority(arguments), start, arguments.optional("partner"))
+    rows = [(f"{item.at:%Y-%m-%d %H:%M:%S}", item.who, item.words) for item in result.entries]
+    agreement = result.agreement
     values = {
-        "agrees": not found.broken,
-        "lines": checked.lines if checked is not None else None,
-        "signed_lines": checked.signed if checked is not None else 0,
-        "signed_at": checked.at.isoformat() if checked is not None and checked.at is not None else None,
-        "entries": [entry.facts() for entry in found.entries],
+        "agrees": not result.broken,
+        "lines": agreement.lines if agreement is not None else None,
+        "signed_lines": agreement.signed_lines if agreement is not None else 0,
+        "signed_at": agreement.at.isoformat() if agreement is not None and agreement.at is not None else None,
+        "entries": [entry.facts() for entry in result.entries],
     }
-    lines = [*_common.table(rows), *found.words]
+    lines = [*_common.table(rows), *result.words]
     return _common.tell(
-        arguments, ExitCode.CHECKS_FAILED if found.broken else ExitCode.DONE, values, lines, errors=found.broken
+        arguments, ExitCode.CHECKS_FAILED if result.broken else ExitCode.DONE, values, lines, errors=result.broken
     )
 
 
@@ -136,11 +136,11 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.vpn import reports
 
     now = datetime.now(UTC)
-    members = reports.of_partner(_common.opened(arguments).membership(), arguments.optional("partner"))
+    members = reports.of_partner(_common.open_authority(arguments).membership(), arguments.optional("partner"))
     rows = [("name", "kind", "address", "until", "last seen", "standing")]
     for member in members:
         until = reports.expires(member)
-        seen = max(
+        last_seen = max(
             (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
         )
         rows.append(
@@ -149,7 +149,7 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
                 str(member.kind),
                 str(member.address),
                 f"{until:%Y-%m-%d}" if until is not None else "-",
-                reports.when(seen),
+                reports.when(last_seen),
                 reports.status_of(member, now),
             )
         )
@@ -161,7 +161,7 @@ VPN_SHOW = CommandSpec(
     "vpn show",
     "show one member of the VPN with its certificates",
     group=Group.VPN,
-    words=(Word("name", "the member", required=True, example="iqua-sparus2"), AUTHORITY),
+    words=(Word("name", "the member", is_required=True, example="iqua-sparus2"), AUTHORITY),
     flags=(JSON,),
 )
 
@@ -175,7 +175,7 @@ def run_vpn_show(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.vpn import reports
 
     now = datetime.now(UTC)
-    member = reports.find(_common.opened(arguments).membership(), arguments.word("name"))
+    member = reports.find(_common.open_authority(arguments).membership(), arguments.word("name"))
     lines = _lines(member, reports.status_of(member, now))
     return _common.tell(arguments, ExitCode.DONE, {"member": reports.member_row(member, now)}, lines)
 
@@ -192,8 +192,8 @@ def _lines(member: Member, standing: str) -> Iterator[str]:
 def _certificate(certificate: Certificate) -> Iterator[str]:
     from atlantis_netcfg.vpn.reports import when
 
-    until, seen = when(certificate.not_after), when(certificate.seen)
-    yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {seen}"
+    until, last_seen = when(certificate.not_after), when(certificate.seen)
+    yield f"  {certificate.common_name}: {certificate.standing}, good until {until}, last seen {last_seen}"
     yield f"    {certificate.key} key, {certificate.wrap}, serial {certificate.serial:x}"
     if certificate.revoked is not None:
         yield f"    revoked {when(certificate.revoked)}{f': {certificate.reason}' if certificate.reason else ''}"

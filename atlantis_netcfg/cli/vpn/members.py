@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.operations.vpn.server import Deployed, Server
+    from atlantis_netcfg.operations.vpn.server import DeployResult, Server
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
     from atlantis_netcfg.vpn.identity import Member, MembershipList
@@ -85,19 +85,19 @@ def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipients_of
     from atlantis_netcfg.vpn.requests import requests_of
 
-    declaration, requested = _common.declared(arguments), _device_words(arguments)
-    requests = requests_of(declaration, requested)
-    target = handout_target(arguments, recipients_of(requested, [request.name for request in requests]))
-    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
-    authority = _common.opened(arguments)
+    declaration, device_words = _common.load_declaration(arguments), _device_words(arguments)
+    requests = requests_of(declaration, device_words)
+    target = handout_target(arguments, recipients_of(device_words, [request.name for request in requests]))
+    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    authority = _common.open_authority(arguments)
     server = _common.server(arguments, declaration)
     onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
-    handed = onboarding.finished(requests)
-    passphrase = passphrase_prompt(arguments) if not handed else None
+    packages = onboarding.find_existing(requests)
+    passphrase = passphrase_prompt(arguments) if not packages else None
     hold(arguments, server, authority)
     if passphrase is not None:
-        handed = onboarding.issue(requests, passphrase)
-    return close(arguments, declaration, handed, server, authority)
+        packages = onboarding.issue(requests, passphrase)
+    return close(arguments, declaration, packages, server, authority)
 
 
 def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
@@ -112,8 +112,10 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
     batch = arguments.optional("batch")
     if batch is None:
         return [DeviceWords("", **words)]
-    if given := [key for key, value in words.items() if value is not None and key != "recipient"]:
-        raise UsageError(f"`{given[0]}=` does not go with `batch=`", hint="write it into the file, for each device")
+    if extra_words := [key for key, value in words.items() if value is not None and key != "recipient"]:
+        raise UsageError(
+            f"`{extra_words[0]}=` does not go with `batch=`", hint="write it into the file, for each device"
+        )
     common = {key: value for key, value in words.items() if value is not None}
     rows = read(Path(batch), KEYS)
     return [DeviceWords(**{**common, **row.values, "place": row.place}) for row in rows]
@@ -153,13 +155,13 @@ def run_vpn_renew(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.vpn.recipients import recipient_of
     from atlantis_netcfg.vpn.requests import change_for, change_of
 
-    declaration = _common.declared(arguments)
+    declaration = _common.load_declaration(arguments)
     words = ("days", "wrap", "key", "link", "system", "distribution", "openvpn")
     change = change_of(**{key: arguments.optional(key) for key in words})
-    typed = arguments.optional("recipient")
-    recipient = recipient_of(typed) if typed is not None else None
-    refuse_example_authority(declaration, named=arguments.optional("authority") is not None)
-    authority = _common.opened(arguments)
+    recipient_text = arguments.optional("recipient")
+    recipient = recipient_of(recipient_text) if recipient_text is not None else None
+    refuse_example_authority(declaration, is_explicit=arguments.optional("authority") is not None)
+    authority = _common.open_authority(arguments)
     members = _members_to_renew(arguments, authority.membership())
     openvpn = arguments.optional("openvpn")
     renewals = [(member, change_for(declaration, member, change, openvpn)) for member in members]
@@ -168,14 +170,14 @@ def run_vpn_renew(arguments: Arguments) -> ExitCode:
     onboarding = Onboarding(declaration, _common.operator(arguments, authority), target)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
-    handed = onboarding.renew(renewals, passphrase)
-    return close(arguments, declaration, handed, server, authority)
+    packages = onboarding.renew(renewals, passphrase)
+    return close(arguments, declaration, packages, server, authority)
 
 
 def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from datetime import UTC, datetime
 
-    from atlantis_netcfg.core.errors import NothingMatched, UsageError
+    from atlantis_netcfg.core.errors import NoMatchError, UsageError
     from atlantis_netcfg.vpn.reports import expires, find, period
 
     name, within = arguments.optional("name"), arguments.optional("all")
@@ -188,7 +190,7 @@ def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple
         member for member in membership.members.values() if (last := expires(member)) is not None and last <= end
     )
     if not due:
-        raise NothingMatched(f"no certificate ends within {within}", hint="`provision vpn list` shows when they end")
+        raise NoMatchError(f"no certificate ends within {within}", hint="`provision vpn list` shows when they end")
     return due
 
 
@@ -221,18 +223,18 @@ def run_vpn_revoke(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.vpn.members import reason_of, revoke
 
-    declaration = _common.declared(arguments)
+    declaration = _common.load_declaration(arguments)
     reason = reason_of(arguments.optional("reason"))
-    authority = _common.opened(arguments)
+    authority = _common.open_authority(arguments)
     members = _members_to_revoke(arguments, authority.membership())
     server = _common.server(arguments, declaration)
     passphrase = passphrase_prompt(arguments)
     hold(arguments, server, authority)
     _agree(arguments, members)
-    revoked = revoke(_common.operator(arguments, authority), members, reason, passphrase)
+    revocation = revoke(_common.operator(arguments, authority), members, reason, passphrase)
     with progress(quiet=arguments.flag("json")) as notify:
-        cut = server.cut(authority, revoked, notify)
-    return close_revoked(arguments, revoked, cut)
+        cut = server.cut(authority, revocation, notify)
+    return close_revoked(arguments, revocation, cut)
 
 
 def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
@@ -249,18 +251,22 @@ def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tupl
 
 def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
     """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
-    from atlantis_netcfg.cli.base.consent import agreed
+    from atlantis_netcfg.cli.base.consent import require_agreement
     from atlantis_netcfg.vpn.reports import when
 
     if arguments.flag("yes") or not any(member.good for member in members):
         return
     if not arguments.flag("json"):
         for member in members:
-            seen = max(
+            last_seen = max(
                 (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
             )
-            print(translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(seen)}"), flush=True)
-    agreed("Cut them off now, for good?" if len(members) > 1 else f"Cut {members[0].name} off now, for good?")
+            print(
+                translate(f"  {member.name}: {member.kind}, {member.address}, last seen {when(last_seen)}"), flush=True
+            )
+    require_agreement(
+        "Cut them off now, for good?" if len(members) > 1 else f"Cut {members[0].name} off now, for good?"
+    )
 
 
 VPN_ACCEPT = CommandSpec(
@@ -268,7 +274,7 @@ VPN_ACCEPT = CommandSpec(
     "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
     group=Group.VPN,
     words=(
-        Word("file", "the sealed hand-out", required=True, example="coastal-gateway.tar.age"),
+        Word("file", "the sealed hand-out", is_required=True, example="coastal-gateway.tar.age"),
         Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
         AUTHORITY,
         INVENTORY,
@@ -288,22 +294,22 @@ def run_vpn_accept(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.vpn.enrolment_package import accept
 
-    declaration = _common.declared(arguments)
+    declaration = _common.load_declaration(arguments)
     data = _bytes(Path(arguments.word("file")), "the hand-out")
-    accepted = accept(declaration, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
-    member, certificate = accepted.identity.member, accepted.identity.certificate
+    acceptance = accept(declaration, data, _opener(arguments), _common.folder(arguments), now=datetime.now(UTC))
+    member, certificate = acceptance.identity.member, acceptance.identity.certificate
     values = {
         "name": member.name,
         "common_name": certificate.common_name,
         "address": str(member.address),
         "not_after": certificate.not_after.isoformat(timespec="seconds"),
-        "file": str(accepted.path),
-        "already": accepted.already,
+        "file": str(acceptance.path),
+        "already": acceptance.already,
     }
-    how = "already so" if accepted.already else "accepted"
+    how = "already so" if acceptance.already else "accepted"
     lines = [
         f"{member.name}: {how}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}",
-        f"  kept in {accepted.path}; `{bringing(declaration, member)}` brings it there",
+        f"  kept in {acceptance.path}; `{bringing(declaration, member)}` brings it there",
     ]
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
@@ -316,10 +322,10 @@ def _opener(arguments: Arguments) -> Secret:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.core.secret import Secret
 
-    named = arguments.optional("key")
-    if named is None:
+    key_name = arguments.optional("key")
+    if key_name is None:
         return passphrase_prompt(arguments, "the passphrase of the hand-out")()
-    path = Path(named)
+    path = Path(key_name)
     text = _bytes(path, "the key").decode(errors="replace")
     if path.stat().st_mode & 0o077:
         raise UsageError(f"others may read the key {path}", hint=f"type `chmod 600 {path}`")
@@ -363,7 +369,7 @@ def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
 def close(  # noqa: PLR0913 - one end of three commands
     arguments: Arguments,
     declaration: Declaration,
-    handed: Sequence[HandedOut],
+    packages: Sequence[HandedOut],
     server: Server,
     authority: Authority,
     *,
@@ -377,62 +383,62 @@ def close(  # noqa: PLR0913 - one end of three commands
     from atlantis_netcfg.cli.vpn import _common
 
     if not arguments.flag("json"):
-        for line in (line for entry in handed for line in _lines(declaration, entry)):
+        for line in (line for entry in packages for line in _lines(declaration, entry)):
             print(translate(line), flush=True)
-    deployed = _deployed(arguments, server, authority)
-    values = {**(more or {}), "members": [_row(item) for item in handed], **deployed.as_json()}
-    return _common.tell(arguments, deployed.exit, values, deployed.lines, deployed.errors)
+    deployment = _deploy(arguments, server, authority)
+    values = {**(more or {}), "members": [_row(item) for item in packages], **deployment.as_json()}
+    return _common.tell(arguments, deployment.exit, values, deployment.lines, deployment.errors)
 
 
-def _deployed(arguments: Arguments, server: Server, authority: Authority) -> Deployed:
+def _deploy(arguments: Arguments, server: Server, authority: Authority) -> DeployResult:
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn._common import AGAIN
     from atlantis_netcfg.core.errors import OutcomeUnknown
-    from atlantis_netcfg.operations.vpn.server import Deployed
+    from atlantis_netcfg.operations.vpn.server import DeployResult
 
     try:
         with progress(quiet=arguments.flag("json")) as notify:
             return server.deploy(authority, notify)
     except KeyboardInterrupt:
-        stopped = OutcomeUnknown("stopped by Ctrl-C before the server was seen to have it", hint=AGAIN)
-        return Deployed(errors=(stopped,), deployed=False)
+        error = OutcomeUnknown("stopped by Ctrl-C before the server was seen to have it", hint=AGAIN)
+        return DeployResult(errors=(error,), is_deployed=False)
 
 
-def _row(handed: HandedOut) -> dict[str, Any]:
+def _row(package: HandedOut) -> dict[str, Any]:
     """A member for programs; `passphrase` is the only secret that a command tells, and only this once."""
     from datetime import UTC, datetime
 
     from atlantis_netcfg.vpn.reports import member_row
 
     return {
-        **member_row(handed.issued.member, datetime.now(UTC)),
-        "common_name": handed.issued.certificate.common_name,
-        "already": handed.issued.already,
-        "replaced": list(handed.issued.replaced),
-        "file": str(handed.file),
-        "copy": str(handed.copy) if handed.copy is not None else None,
-        "cover_note": str(handed.cover_note) if handed.cover_note is not None else None,
-        "sha256": handed.issued.delivered.sha256,
-        "passphrase": handed.passphrase.reveal() if handed.passphrase is not None else None,
+        **member_row(package.result.member, datetime.now(UTC)),
+        "common_name": package.result.certificate.common_name,
+        "already": package.result.already,
+        "replaced": list(package.result.replaced_names),
+        "file": str(package.file),
+        "copy": str(package.copy) if package.copy is not None else None,
+        "cover_note": str(package.cover_note) if package.cover_note is not None else None,
+        "sha256": package.result.file.sha256,
+        "passphrase": package.passphrase.reveal() if package.passphrase is not None else None,
     }
 
 
-def _lines(declaration: Declaration, handed: HandedOut) -> Iterator[str]:
-    member, certificate = handed.issued.member, handed.issued.certificate
-    what = "already so" if handed.issued.already else certificate.common_name
+def _lines(declaration: Declaration, package: HandedOut) -> Iterator[str]:
+    member, certificate = package.result.member, package.result.certificate
+    what = "already so" if package.result.already else certificate.common_name
     yield f"{member.name}: {what}, address {member.address}, good until {certificate.not_after:%Y-%m-%d}"
-    yield f"  file        {handed.copy or handed.file}"
-    if handed.issued.already:
+    yield f"  file        {package.copy or package.file}"
+    if package.result.already:
         yield f"              made before; if its passphrase is lost: provision vpn renew name={member.name}"
         return
-    if handed.cover_note is not None:
-        yield f"  cover note  {handed.cover_note}"
+    if package.cover_note is not None:
+        yield f"  cover note  {package.cover_note}"
         yield "              send it along with the file; nothing in it is secret"
-    if handed.passphrase is not None:
-        yield f"  passphrase  {handed.passphrase.reveal()}"
+    if package.passphrase is not None:
+        yield f"  passphrase  {package.passphrase.reveal()}"
         yield "              shown this once: tell it by telephone, never in the message that the file goes with"
-    for gone in handed.issued.replaced:
-        yield f"  revoked     {gone}, which was handed out before and never used"
+    for old_name in package.result.replaced_names:
+        yield f"  revoked     {old_name}, which was handed out before and never used"
     if member.partner is None:
         yield f"              `{bringing(declaration, member)}` brings it there"
     else:
@@ -448,33 +454,35 @@ def bringing(declaration: Declaration, member: Member) -> str:
     return f"provision site={declaration.hosts[member.name].site} only={member.name}"
 
 
-def close_revoked(arguments: Arguments, revoked: RevocationResult, deployed: Deployed) -> ExitCode:
+def close_revoked(arguments: Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:
     """Tell who is out, and by which evidence."""
     from atlantis_netcfg.cli.vpn import _common
 
     values = {
-        "members": list(revoked.members),
-        "common_names": list(revoked.common_names),
-        "already": list(revoked.already),
-        **deployed.as_json(),
+        "members": list(revocation.members),
+        "common_names": list(revocation.common_names),
+        "already": list(revocation.already),
+        **deployment.as_json(),
     }
-    lines = [f"{name}: {'already so' if name in revoked.already else 'revoked'}" for name in revoked.members]
-    return _common.tell(arguments, deployed.exit, values, [*lines, *deployed.lines], deployed.errors)
+    lines = [f"{name}: {'already so' if name in revocation.already else 'revoked'}" for name in revocation.members]
+    return _common.tell(arguments, deployment.exit, values, [*lines, *deployment.lines], deployment.errors)
 
 
 def close_synced(
-    arguments: Arguments, deployed: Deployed, site: str | None, taken: Sequence[str] | None = None
+    arguments: Arguments, deployment: DeployResult, site: str | None, taken_names: Sequence[str] | None = None
 ) -> ExitCode:
     """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there.
 
-    `taken`: who is revoked because the server's list was taken over.
+    `taken_names`: who is revoked because the server's list was taken over.
     """
     from atlantis_netcfg.cli.vpn import _common
 
-    values = {**deployed.as_json(), "server_certificate": site is not None, "taken": list(taken or ())}
+    values = {**deployment.as_json(), "server_certificate": site is not None, "taken": list(taken_names or ())}
     lines = (
-        [] if taken is None else [f"taken over from the server's list: {', '.join(taken) or 'nobody of the record'}"]
+        []
+        if taken_names is None
+        else [f"taken over from the server's list: {', '.join(taken_names) or 'nobody of the record'}"]
     )
     if site is not None:
         lines.append(f"the server has a new certificate: `provision site={site}` puts it in its place")
-    return _common.tell(arguments, deployed.exit, values, (*lines, *deployed.lines), deployed.errors)
+    return _common.tell(arguments, deployment.exit, values, (*lines, *deployment.lines), deployment.errors)

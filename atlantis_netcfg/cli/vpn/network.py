@@ -45,7 +45,7 @@ VPN_INSTALL = CommandSpec(
     "vpn install",
     "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
     group=Group.VPN,
-    words=(Word("host", "the router", required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
+    words=(Word("host", "the router", is_required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
     flags=(
         Flag("plan", "say what would be done, change nothing", harmless=True),
         Flag("rehearse", "the same against an emulated router", harmless=True),
@@ -72,56 +72,56 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import ALL, choose, load
 
-    named = arguments.optional(INVENTORY.name)
-    declaration = load(Path(named) if named else paths.checkout() / "inventory")
+    inventory_name = arguments.optional(INVENTORY.name)
+    declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
     (host,) = choose(declaration, ALL, [arguments.word("host")])
     with session(
         arguments,
         rehearse=arguments.flag("rehearse"),
         via=arguments.optional(VIA.name),
         site=host.site,
-        chosen=lambda opened: choose(opened, ALL, [host.name]),
-    ) as opened:
-        return _installed(opened)
+        choose_hosts=lambda inventory: choose(inventory, ALL, [host.name]),
+    ) as site_session:
+        return _install(site_session)
 
 
-def _installed(opened: CommandSession) -> ExitCode:
-    from atlantis_netcfg.cli.base.consent import agreed
+def _install(session: CommandSession) -> ExitCode:
+    from atlantis_netcfg.cli.base.consent import require_agreement
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations import Mode
     from atlantis_netcfg.operations.vpn.router import identity_for, install
 
-    arguments, (host,) = opened.arguments, opened.hosts
-    request = opened.request(Mode.APPLY).model_copy(update={"authority": _common.folder(arguments)})
-    identity = identity_for(opened.declaration, host, request)
-    with progress(quiet=opened.as_json) as notify:
-        found = install(opened.declaration, host, identity, request, notify, plan=True)
-    if found.exit is ExitCode.CHANGES and not arguments.flag("plan"):
-        if not (arguments.flag("yes") or opened.rehearsed):
-            _show(opened, found)
-            agreed(f"Change {host.name} now?")
-        with progress(quiet=opened.as_json) as notify:
-            found = install(opened.declaration, host, identity, request, notify)
-    if opened.as_json:
-        errors = [] if found.exit in {ExitCode.DONE, ExitCode.CHANGES} else [_error(found)]
-        print(json_text({**found.as_json(), "errors": errors, "rehearsed": opened.rehearsed}))
-        return found.exit
-    _show(opened, found)
-    print(f"{found.device}: {printable.below(translate(found.message), 4)}")
-    for line in filter(None, [found.hint, f"recorded as {found.run}" if found.run else None]):
+    arguments, (host,) = session.arguments, session.hosts
+    request = session.request(Mode.APPLY).model_copy(update={"authority": _common.folder(arguments)})
+    identity = identity_for(session.declaration, host, request)
+    with progress(quiet=session.as_json) as notify:
+        result = install(session.declaration, host, identity, request, notify, plan=True)
+    if result.exit is ExitCode.CHANGES and not arguments.flag("plan"):
+        if not (arguments.flag("yes") or session.is_rehearsal):
+            _show(session, result)
+            require_agreement(f"Change {host.name} now?")
+        with progress(quiet=session.as_json) as notify:
+            result = install(session.declaration, host, identity, request, notify)
+    if session.as_json:
+        errors = [] if result.exit in {ExitCode.DONE, ExitCode.CHANGES} else [_error(result)]
+        print(json_text({**result.as_json(), "errors": errors, "rehearsed": session.is_rehearsal}))
+        return result.exit
+    _show(session, result)
+    print(f"{result.device}: {printable.below(translate(result.message), 4)}")
+    for line in filter(None, [result.hint, f"recorded as {result.run}" if result.run else None]):
         print(f"  {printable.below(translate(line), 4)}")
-    return found.exit
+    return result.exit
 
 
-def _error(found: InstalledIdentity) -> dict[str, str | None]:
-    return {"message": f"{found.device}: {found.message}", "hint": found.hint}
+def _error(result: InstalledIdentity) -> dict[str, str | None]:
+    return {"message": f"{result.device}: {result.message}", "hint": result.hint}
 
 
-def _show(opened: CommandSession, found: InstalledIdentity) -> None:
-    if not opened.as_json:
-        for line in (*found.changes, *(f"note: {note}" for note in found.notes)):
+def _show(session: CommandSession, result: InstalledIdentity) -> None:
+    if not session.as_json:
+        for line in (*result.changes, *(f"note: {note}" for note in result.notes)):
             print(f"  {printable.below(translate(line), 4)}", flush=True)
 
 
@@ -154,8 +154,8 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.vpn.members import server_names
 
-    declaration = _common.declared(arguments)
-    authority = _common.opened(arguments)
+    declaration = _common.load_declaration(arguments)
+    authority = _common.open_authority(arguments)
     server = _common.server(arguments, declaration)
     sign, take = arguments.flag("sign"), arguments.flag("take-list")
     if take and not sign:
@@ -164,18 +164,20 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
     theirs = None
     if take:
         with progress(quiet=arguments.flag("json")) as notify:
-            theirs = server.published(notify)
+            theirs = server.get_crl(notify)
     else:
         vpn_members.hold(arguments, server, authority)
-    served, taken = False, None
+    has_new_certificate, taken_names = False, None
     if passphrase is not None:
-        with _common.operator(arguments, authority).unlocked(passphrase) as signer:
-            taken = signer.take(theirs) if theirs is not None else None
+        with _common.operator(arguments, authority).unlock(passphrase) as signer:
+            taken_names = signer.take(theirs) if theirs is not None else None
             signer.publish()
-            served = signer.serve(server_names(declaration))
+            has_new_certificate = signer.serve(server_names(declaration))
     with progress(quiet=arguments.flag("json")) as notify:
-        deployed = server.deploy(authority, notify)
-    return vpn_members.close_synced(arguments, deployed, _common.site(declaration) if served else None, taken)
+        deployment = server.deploy(authority, notify)
+    return vpn_members.close_synced(
+        arguments, deployment, _common.site(declaration) if has_new_certificate else None, taken_names
+    )
 
 
 VPN_STATUS = CommandSpec(
@@ -197,39 +199,39 @@ def run_vpn_status(arguments: Arguments) -> ExitCode:
 
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn import _common
-    from atlantis_netcfg.operations.vpn.server import Connected, vpn_status
+    from atlantis_netcfg.operations.vpn.server import RemoteServer, vpn_status
     from atlantis_netcfg.vpn import reports
 
-    declaration = _common.declared(arguments)
-    authority = _common.opened(arguments)
+    declaration = _common.load_declaration(arguments)
+    authority = _common.open_authority(arguments)
     server = _common.server(arguments, declaration)
     with progress(quiet=arguments.flag("json")) as notify:
-        found = vpn_status(declaration, authority, server if isinstance(server, Connected) else None, notify)
+        status = vpn_status(declaration, authority, server if isinstance(server, RemoteServer) else None, notify)
     membership, partner = authority.membership(), arguments.optional("partner")
     members = reports.of_partner(membership, partner) if membership.members or partner is not None else ()
     now = datetime.now(UTC)
     values = {
-        "told": [item.as_json() for item in found.items],
+        "told": [item.as_json() for item in status.items],
         "members": [reports.member_row(member, now) for member in members],
-        "server": found.server_json(),
-        "queued": list(membership.queued),
+        "server": status.server_json(),
+        "queued": list(membership.queued_names),
     }
-    return _common.tell(arguments, found.exit, values, _lines(found, members, now))
+    return _common.tell(arguments, status.exit, values, _lines(status, members, now))
 
 
-def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterator[str]:
+def _lines(status: VpnStatus, members: Sequence[Member], now: datetime) -> Iterator[str]:
     from atlantis_netcfg.cli.vpn._common import table
     from atlantis_netcfg.vpn.reports import expires, status_of, when
 
-    for entry in found.items:
+    for entry in status.items:
         yield f"{entry.verdict.value:<12} {entry.message}"
         if entry.hint:
             yield from (f"{'':<12} {line}" for line in entry.hint.splitlines())
-    up = {session.common_name: session for session in found.state.sessions if session.is_up} if found.state else {}
+    up = {session.common_name: session for session in status.state.sessions if session.is_up} if status.state else {}
     rows = [("member", "address", "until", "last seen", "session", "standing")] if members else []
     for member in members:
         until, names = expires(member), [item.common_name for item in member.certificates]
-        seen = max(
+        last_seen = max(
             (certificate.seen for certificate in member.certificates if certificate.seen is not None), default=None
         )
         session = next((up[name] for name in names if name in up), None)
@@ -238,7 +240,7 @@ def _lines(found: VpnStatus, members: Sequence[Member], now: datetime) -> Iterat
                 member.name,
                 str(member.address),
                 f"{until:%Y-%m-%d}" if until is not None else "-",
-                when(seen),
+                when(last_seen),
                 f"{session.real} as {session.common_name}" if session is not None else "-",
                 status_of(member, now),
             )

@@ -37,8 +37,8 @@ from atlantis_netcfg.computers.bundle.manifest import (
     content_id,
     run,
 )
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused
-from atlantis_netcfg.computers.bundle.resolve import Fetched, Root, index, read_package, sha256_of
+from atlantis_netcfg.computers.bundle.requirements import BundleError
+from atlantis_netcfg.computers.bundle.resolve import DebFile, Root, index, read_package, sha256_of
 from atlantis_netcfg.core.paths import hold_own
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ _DEPTH = 10
 
 
 @dataclass(slots=True)
-class Gathered:
+class RepositorySet:
     """The repositories of some libraries in a folder.
 
     They stand as bare repositories below `git/SERVER/PATH`, where git on the board finds them in place of
@@ -83,41 +83,43 @@ class Gathered:
                     yield f"git/{place}/{path.relative_to(root).as_posix()}", path
 
 
-def gather(libraries: Iterable[Library], work: Path) -> Gathered:
+def gather(libraries: Iterable[Library], work: Path) -> RepositorySet:
     """Fetch them; `work` keeps what came for the next time. Raises BundleRefused."""
     shutil.rmtree(work / "bare", ignore_errors=True)
-    gathered = Gathered(work / "bare")
+    repositories = RepositorySet(work / "bare")
     for library in libraries:
         key = (library.url, library.revision)
-        if key not in gathered.commits:
-            gathered.of[key] = set()
-            gathered.commits[key] = _place_repository(gathered, key, work, library, library.url, library.revision, 0)
-    return gathered
+        if key not in repositories.commits:
+            repositories.of[key] = set()
+            repositories.commits[key] = _place_repository(
+                repositories, key, work, library, library.url, library.revision, 0
+            )
+    return repositories
 
 
 def _place_repository(  # noqa: PLR0913, PLR0917 - a step of a walk
-    gathered: Gathered, key: tuple[str, str], work: Path, library: Library, url: str, revision: str, depth: int
+    repositories: RepositorySet, key: tuple[str, str], work: Path, library: Library, url: str, revision: str, depth: int
 ) -> str:
     """Put one repository at one revision into place, then its submodules; give the commit."""
     place = _place(url)
-    mirror, bare = work / "fetched" / place, gathered.folder / place
+    mirror, bare = work / "fetched" / place, repositories.folder / place
     environment = _access(library) if urlsplit(url)[:2] == urlsplit(library.url)[:2] else _SILENT
     commit = _bring(mirror, url, revision, environment)
     ref = f"refs/atlantis/{commit}"
     if not bare.exists():
         _git(bare, _SILENT, "init", "--quiet", "--bare", "--initial-branch=atlantis", str(bare))
         _plain(bare)
-    desired = [f"+{ref}:{ref}", f"+{ref}:refs/heads/atlantis"]
+    refspecs = [f"+{ref}:{ref}", f"+{ref}:refs/heads/atlantis"]
     if not _is_commit(revision):
-        desired.append(f"+refs/tags/{revision}:refs/tags/{revision}")
-    words = ("fetch", "--quiet", "--depth", "1", "--no-tags", f"file://{mirror}", *desired)
+        refspecs.append(f"+refs/tags/{revision}:refs/tags/{revision}")
+    words = ("fetch", "--quiet", "--depth", "1", "--no-tags", f"file://{mirror}", *refspecs)
     _git(bare, _SILENT, *_SMALL, *words)
     (bare / "FETCH_HEAD").unlink(missing_ok=True)
-    gathered.of[key].add(place)
+    repositories.of[key].add(place)
     for inner, inside in _submodules(mirror, url, commit, library.url):
         if depth == _DEPTH:
-            raise BundleRefused(f"the submodules of {library.url} lead round in a circle", hint="ask its makers")
-        _place_repository(gathered, key, work, library, inner, inside, depth + 1)
+            raise BundleError(f"the submodules of {library.url} lead round in a circle", hint="ask its makers")
+        _place_repository(repositories, key, work, library, inner, inside, depth + 1)
     return commit
 
 
@@ -129,26 +131,26 @@ def _bring(mirror: Path, url: str, revision: str, environment: dict[str, str]) -
         _git(mirror, _SILENT, "init", "--quiet", "--bare", str(mirror))
     if _is_commit(revision):
         ways = [[revision], ["+refs/heads/*:refs/heads/*", "+refs/tags/*:refs/tags/*"]]
-        named = f"{revision}^{{commit}}"
+        rev = f"{revision}^{{commit}}"
     else:
         ways = [[f"+refs/tags/{revision}:refs/tags/{revision}"]]
-        named = f"refs/tags/{revision}^{{commit}}"
+        rev = f"refs/tags/{revision}^{{commit}}"
     text = ""
     for way in ways:
         shallow = [] if way[0].startswith("+refs/heads/") else ["--depth", "1"]
         if _is_commit(revision) and _whole(mirror, revision):
             break
-        done = run(
+        process = run(
             ["git", "-C", str(mirror), "-c", "protocol.version=2", "fetch", "--quiet", *shallow, url, *way],
             environment,
         )
-        text = done.stderr.decode(errors="replace")
-        if done.returncode == 0:
+        text = process.stderr.decode(errors="replace")
+        if process.returncode == 0:
             break
-    found = run(["git", "-C", str(mirror), "rev-parse", "--verify", "--quiet", named], _SILENT)
-    commit = found.stdout.decode().strip()
-    if found.returncode != 0 or not _whole(mirror, commit):
-        raise _refused(url, revision, text)
+    rev_parse = run(["git", "-C", str(mirror), "rev-parse", "--verify", "--quiet", rev], _SILENT)
+    commit = rev_parse.stdout.decode().strip()
+    if rev_parse.returncode != 0 or not _whole(mirror, commit):
+        raise _fetch_error(url, revision, text)
     _git(mirror, _SILENT, "update-ref", f"refs/atlantis/{commit}", commit)
     return commit
 
@@ -189,7 +191,7 @@ def _submodules(mirror: Path, url: str, commit: str, home: str) -> Iterator[tupl
         inner = _by_https(inner, home)
         if urlsplit(inner).scheme not in {"http", "https"}:
             where = f"is at `{inner}`, which needs an account" if inner else "has no address in .gitmodules"
-            raise BundleRefused(
+            raise BundleError(
                 f"the submodule {path} of {url} {where}", hint="the partner has to give it an https address"
             )
         yield inner, inside
@@ -208,7 +210,7 @@ def _place(url: str) -> str:
     """Below `git`, as insteadOf makes it of the address."""
     place = url.partition("://")[2].rstrip("/")
     if not re.fullmatch(r"[A-Za-z0-9._+~@:/-]+", place) or ".." in place.split("/") or "/" not in place:
-        raise BundleRefused(f"`{url}` is no address of a repository that a bundle can hold")
+        raise BundleError(f"`{url}` is no address of a repository that a bundle can hold")
     return place
 
 
@@ -262,21 +264,21 @@ def _plain(bare: Path) -> None:
 def _git(folder: Path, environment: dict[str, str], *words: str) -> str:
     """Run git in a repository of ours, away from every server."""
     folder.mkdir(parents=True, exist_ok=True)
-    done = run(["git", "-C", str(folder), *words], environment)
-    if done.returncode != 0:
-        raise BundleRefused(f"git {words[0]}: {_last(done.stderr.decode(errors='replace'))}")
-    return done.stdout.decode(errors="replace")
+    process = run(["git", "-C", str(folder), *words], environment)
+    if process.returncode != 0:
+        raise BundleError(f"git {words[0]}: {_last(process.stderr.decode(errors='replace'))}")
+    return process.stdout.decode(errors="replace")
 
 
-def _refused(url: str, revision: str, text: str) -> BundleRefused:
+def _fetch_error(url: str, revision: str, text: str) -> BundleError:
     if re.search(r"Authentication failed|could not read|terminal prompts|returned error: 40[13]|Access denied", text):
-        return BundleRefused(
+        return BundleError(
             f"{url} is not given to us: {_last(text)}",
             hint="declare a `token` that may read it, or ask whether the one that is declared is still good",
         )
     if not text or re.search(r"couldn't find remote ref|not our ref|no such remote ref", text):
-        return BundleRefused(f"{url} has no revision {revision}", hint="a tag, or a commit of 40 hex digits")
-    return BundleRefused(f"{url} cannot be fetched: {_last(text)}", hint="type the same again: what came is kept")
+        return BundleError(f"{url} has no revision {revision}", hint="a tag, or a commit of 40 hex digits")
+    return BundleError(f"{url} cannot be fetched: {_last(text)}", hint="type the same again: what came is kept")
 
 
 def _last(text: str) -> str:
@@ -316,13 +318,13 @@ class StagingDirectory:
     def finish(self) -> None:
         """Remove what is not of the bundle, and let it take the place of an earlier one."""
         shutil.rmtree(self.work)
-        known = {*self.files, MANIFEST, SIGNATURE}
+        bundle_names = {*self.files, MANIFEST, SIGNATURE}
         for path in sorted(self.folder.rglob("*"), reverse=True):
             inside = path.relative_to(self.folder).as_posix()
             if path.is_dir():
                 with suppress(OSError):
                     path.rmdir()
-            elif inside not in known:
+            elif inside not in bundle_names:
                 path.unlink()
         os.sync()
         place, old = self.place, _aside(self.place)
@@ -345,17 +347,17 @@ def same(source: Path, target: Path) -> None:
 def workshop(place: Path) -> Iterator[StagingDirectory]:
     """Open it, alone. Raises BundleRefused where the place cannot be used, or somebody is at work there."""
     if re.search(r"[\s\"';]", str(place)):
-        raise BundleRefused(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
+        raise BundleError(f"no bundle can be made in {place}", hint="`to=` names a folder without blanks in its name")
     if place.is_symlink() or (place.exists() and not (place / MANIFEST).is_file() and not _empty(place)):
-        raise BundleRefused(f"{place} is there, and is no bundle", hint="`to=` names a new folder")
+        raise BundleError(f"{place} is there, and is no bundle", hint="`to=` names a new folder")
     if not place.parent.is_dir():
-        raise BundleRefused(f"there is no folder {place.parent}", hint="make it first")
-    made = StagingDirectory(place, place.with_name(f".{place.name}.part"))
-    with _translated(place), _alone(made.folder):
+        raise BundleError(f"there is no folder {place.parent}", hint="make it first")
+    staging = StagingDirectory(place, place.with_name(f".{place.name}.part"))
+    with _translate_errors(place), _alone(staging.folder):
         if _aside(place).exists() and not place.exists():
             _aside(place).rename(place)  # cut off while the new one was to take its place
-        made.work.mkdir(parents=True, exist_ok=True)
-        yield made
+        staging.work.mkdir(parents=True, exist_ok=True)
+        yield staging
 
 
 def _aside(place: Path) -> Path:
@@ -379,7 +381,7 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     except BlockingIOError as error:
         hint = "wait for its end, or name another place with `to=`"
-        raise BundleRefused("another run makes this bundle now", hint=hint) from error
+        raise BundleError("another run makes this bundle now", hint=hint) from error
     finally:
         os.close(current)
 
@@ -391,12 +393,12 @@ def _hold_still(folder: Path, current: int) -> None:
 
 
 @contextmanager
-def _translated(place: Path) -> Iterator[None]:
+def _translate_errors(place: Path) -> Iterator[None]:
     """Say in words that the place cannot be written."""
     try:
         yield
     except OSError as error:
-        raise BundleRefused(
+        raise BundleError(
             f"{place} cannot be made: {error.filename or place.parent}: {error.strerror or error}",
             hint="make room, or name another place with `to=`; what was fetched is kept",
         ) from error
@@ -439,8 +441,8 @@ class BundleSize:
     """Without what an interrupted or earlier bundle has left."""
 
 
-def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[BundleSize], None]) -> Manifest:
-    """Make the bundle; `sized` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
+def make(order: BundleOrder, signer: BundleSigner, tell: Tell, on_size: Callable[[BundleSize], None]) -> Manifest:
+    """Make the bundle; `on_size` hears how much is fetched before it is, and may refuse. Raises BundleRefused."""
     with workshop(order.place) as work:
         for each in order.purposes:
             _hold_archives(each.requirements)
@@ -450,7 +452,7 @@ def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[
             each.requirements.host: roots[each.requirements.host].lacking(_missing(each)) for each in order.purposes
         }
         _reuse(work, lacking)
-        sized(_size(roots, lacking))
+        on_size(_size(roots, lacking))
         libraries = gather(
             (library for each in order.purposes for library in each.requirements.libraries), work.work / "git"
         )
@@ -461,19 +463,19 @@ def make(order: BundleOrder, signer: BundleSigner, tell: Tell, sized: Callable[[
         for each in order.purposes:
             part = _packages(work, signer, each, lacking[each.requirements.host])
             hosts[each.requirements.host] = _containers(work, _libraries(work, part, each, libraries), each)
-        manifest = _signed(work, order, signer, hosts)
+        manifest = _write_manifest(work, order, signer, hosts)
         work.finish()
     return manifest
 
 
-def _fetch(root: Root, purpose: BundlePurpose, files: Sequence[Fetched], tell: Tell) -> None:
+def _fetch(root: Root, purpose: BundlePurpose, files: Sequence[DebFile], tell: Tell) -> None:
     words = f"fetching packages for {purpose.requirements.host}"
     root.fetch(_missing(purpose), files, lambda share: tell(words, share))
 
 
 def _missing(purpose: BundlePurpose) -> list[PackageRequirement]:
     """What the target does not have already, in one order."""
-    has = purpose.target.installed
+    has = purpose.target.installed_packages
     return sorted(
         {each for each in purpose.requirements.packages if not each.fits(has.get(each.name))},
         key=lambda package: package.apt_argument,
@@ -482,10 +484,10 @@ def _missing(purpose: BundlePurpose) -> list[PackageRequirement]:
 
 def _root(work: StagingDirectory, purpose: BundlePurpose) -> Root:
     request, target = purpose.requirements, purpose.target
-    expected = (request.distribution or target.distribution, request.codename or target.codename)
-    if expected != (target.distribution, target.codename):
-        raise BundleRefused(
-            f"{request.host}: what is declared needs {' '.join(expected)}, and its system is {target.shown}",
+    expected_release = (request.distribution or target.distribution, request.codename or target.codename)
+    if expected_release != (target.distribution, target.codename):
+        raise BundleError(
+            f"{request.host}: what is declared needs {' '.join(expected_release)}, and its system is {target.title}",
             hint="take the image of that release, or declare the `distribution` of ROS 2 that this one has",
         )
     if purpose.archive is not None:
@@ -497,25 +499,25 @@ def _root(work: StagingDirectory, purpose: BundlePurpose) -> Root:
     return root
 
 
-def _size(roots: dict[str, Root], lacking: dict[str, tuple[Fetched, ...]]) -> BundleSize:
+def _size(roots: dict[str, Root], lacking: dict[str, tuple[DebFile, ...]]) -> BundleSize:
     files = {file.name: (root, file) for name, root in roots.items() for file in lacking[name]}
     missing = [file.size for root, file in files.values() if not root.has(file)]
     return BundleSize(len(files), sum(file.size for _, file in files.values()), sum(missing))
 
 
 def _packages(
-    work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, fetched: Sequence[Fetched]
+    work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, files: Sequence[DebFile]
 ) -> HostPart:
     """Put a host's packages and their index into the bundle."""
     request, target = purpose.requirements, purpose.target
-    packages = [read_package(_archived(work, file), file.sha256) for file in fetched]
+    packages = [read_package(_archive_path(work, file), file.sha256) for file in files]
     current = {}
-    for package, file in zip(packages, fetched, strict=True):
+    for package, file in zip(packages, files, strict=True):
         path = f"pool/{package.file}"
         if path not in work.files:
-            work.add(path, _archived(work, file))
+            work.add(path, _archive_path(work, file))
         if work.files[path].sha256 != file.sha256:
-            raise BundleRefused(
+            raise BundleError(
                 f"two sources have different packages of the same name and version: {package.file}",
                 hint="leave one of the sources out",
             )
@@ -531,44 +533,46 @@ def _packages(
         codename=target.codename,
         wished={each.name: each.version for each in request.packages},
         installed={
-            each.name: target.installed[each.name] for each in request.packages if each.name in target.installed
+            each.name: target.installed_packages[each.name]
+            for each in request.packages
+            if each.name in target.installed_packages
         },
         packages={package.name: package.version for package in packages},
         held=current,
     )
 
 
-def _archived(work: StagingDirectory, file: Fetched) -> Path:
+def _archive_path(work: StagingDirectory, file: DebFile) -> Path:
     """Where a package file is: in apt's folder, or in the bundle already."""
-    inside = f"pool/{_pooled(file)}"
+    inside = f"pool/{_pool_name(file)}"
     return work.folder / inside if inside in work.files else work.work / "archives" / file.name
 
 
-def _pooled(file: Fetched) -> str:
+def _pool_name(file: DebFile) -> str:
     """A package file's name in the bundle; apt writes the colon of an epoch as %3a."""
     return file.name.replace("%3a", "-")
 
 
-def _reuse(work: StagingDirectory, lacking: dict[str, tuple[Fetched, ...]]) -> None:
+def _reuse(work: StagingDirectory, lacking: dict[str, tuple[DebFile, ...]]) -> None:
     """Take what an earlier bundle in this place has, or one that was interrupted; what it is worth its hash says."""
     for file in {file.name: file for files in lacking.values() for file in files}.values():
         target = work.work / "archives" / file.name
         for place in (work.folder, work.place):
-            earlier = place / "pool" / _pooled(file)
+            earlier = place / "pool" / _pool_name(file)
             if not target.exists() and earlier.is_file() and earlier.stat().st_size == file.size:
                 same(earlier, target)
 
 
-def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, gathered: Gathered) -> HostPart:
+def _libraries(work: StagingDirectory, part: HostPart, purpose: BundlePurpose, repositories: RepositorySet) -> HostPart:
     """Put a host's libraries into the bundle."""
     current, libraries = dict(part.held), []
     for library in purpose.requirements.libraries:
-        for path, source in gathered.files(library):
+        for path, source in repositories.files(library):
             inside = f"sources/{path.replace(':', '-')}"
             if inside not in work.files:
                 work.add(inside, source.read_bytes())
             current[f"sources/{path}"] = inside
-        commit = gathered.commits[library.url, library.revision]
+        commit = repositories.commits[library.url, library.revision]
         libraries.append(BundledLibrary(url=library.url, revision=library.revision, commit=commit))
     return part.model_copy(update={"held": current, "libraries": tuple(libraries)})
 
@@ -578,21 +582,21 @@ def _hold_archives(requirements: HostRequirements) -> None:
     for archive in requirements.archives:
         hint = f"the partner's archive belongs in {archive.path.parent}; `sha256sum` says which one it is"
         if not archive.path.is_file():
-            raise BundleRefused(f"{requirements.host}: there is no {archive.path}", hint=hint)
-        if (found := sha256_of(archive.path)) != archive.sha256:
-            words = f"{archive.path} has the SHA-256 {found}, and {archive.sha256} is declared"
-            raise BundleRefused(f"{requirements.host}: {words}", hint=hint)
+            raise BundleError(f"{requirements.host}: there is no {archive.path}", hint=hint)
+        if (digest := sha256_of(archive.path)) != archive.sha256:
+            words = f"{archive.path} has the SHA-256 {digest}, and {archive.sha256} is declared"
+            raise BundleError(f"{requirements.host}: {words}", hint=hint)
 
 
 def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) -> HostPart:
     """Put the images of a host's containers into the bundle."""
     for archive in purpose.requirements.archives:
-        _copied(work, archive.path, archive.packed)
-    images = {archive.packed: archive.packed for archive in purpose.requirements.archives}
+        _copy(work, archive.path, archive.bundle_path)
+    images = {archive.bundle_path: archive.bundle_path for archive in purpose.requirements.archives}
     return part.model_copy(update={"held": {**part.held, **images}})
 
 
-def _copied(work: StagingDirectory, file: Path, path: str) -> None:
+def _copy(work: StagingDirectory, file: Path, path: str) -> None:
     """Copy a large file into the bundle, unless it stands there already."""
     place = work.folder / path
     if not (place.is_file() and place.stat().st_size == file.stat().st_size and sha256_of(place) == sha256_of(file)):
@@ -605,11 +609,13 @@ def _image(work: StagingDirectory, image: Path | None) -> BundleImage | None:
     if image is None:
         return None
     path = f"images/{image.name}"
-    _copied(work, image, path)
+    _copy(work, image, path)
     return BundleImage(name=image.name, sha256=work.files[path].sha256, path=path)
 
 
-def _signed(work: StagingDirectory, order: BundleOrder, signer: BundleSigner, hosts: dict[str, HostPart]) -> Manifest:
+def _write_manifest(
+    work: StagingDirectory, order: BundleOrder, signer: BundleSigner, hosts: dict[str, HostPart]
+) -> Manifest:
     """Write the manifest and its signature: from then on the folder is a bundle."""
     image = _image(work, order.image)
     files = tuple(work.files[path] for path in sorted(work.files))
@@ -624,7 +630,7 @@ def _signed(work: StagingDirectory, order: BundleOrder, signer: BundleSigner, ho
         hosts=hosts,
         image=image,
     )
-    data = manifest.encoded()
+    data = manifest.encode()
     (work.folder / MANIFEST).write_bytes(data)
     (work.folder / SIGNATURE).write_bytes(signer.beside(data))
     return manifest

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused
+from atlantis_netcfg.computers.bundle.requirements import BundleError
 from atlantis_netcfg.core import temporary
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.runs import write_atomically
@@ -118,7 +118,7 @@ class Manifest(_Data):
         files = {file.path: file for file in self.files}
         return {path: files[inside] for path, inside in sorted(self.hosts[host].held.items())}
 
-    def encoded(self) -> bytes:
+    def encode(self) -> bytes:
         """The text of the file."""
         return f"{json.dumps(self.model_dump(mode='json'), indent=1, ensure_ascii=False)}\n".encode()
 
@@ -129,31 +129,31 @@ def content_id(files: tuple[BundleFile, ...], hosts: dict[str, HostPart]) -> str
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def read_manifest(data: bytes, named: str) -> Manifest:
+def read_manifest(data: bytes, label: str) -> Manifest:
     """Take a manifest from its file. Raises BundleRefused."""
     try:
         result = json.loads(data)
     except ValueError as error:
-        raise _damaged(named) from error
-    made = result.get("format") if isinstance(result, dict) else None
-    if isinstance(made, int) and made != FORMAT:
-        raise BundleRefused(
-            f"{named} is of format {made}, and this toolkit knows format {FORMAT}",
+        raise _damage_error(label) from error
+    format_number = result.get("format") if isinstance(result, dict) else None
+    if isinstance(format_number, int) and format_number != FORMAT:
+        raise BundleError(
+            f"{label} is of format {format_number}, and this toolkit knows format {FORMAT}",
             hint="take the toolkit that made it, or make the bundle anew",
         )
     try:
         manifest = Manifest.model_validate(result)
     except ValidationError as error:
-        raise _damaged(named) from error
+        raise _damage_error(label) from error
     if not {inside for part in manifest.hosts.values() for inside in part.held.values()} <= {
         file.path for file in manifest.files
     }:
-        raise _damaged(named)
+        raise _damage_error(label)
     return manifest
 
 
-def _damaged(named: str) -> BundleRefused:
-    return BundleRefused(f"{named} cannot be understood", hint="the bundle is damaged: copy it again")
+def _damage_error(label: str) -> BundleError:
+    return BundleError(f"{label} cannot be understood", hint="the bundle is damaged: copy it again")
 
 
 _PACKAGES = {
@@ -174,7 +174,7 @@ def program(name: str) -> str:
     """The path of a program. Raises BundleRefused where it is not installed."""
     result = shutil.which(name)
     if result is None:
-        raise BundleRefused(f"`{name}` is not installed on this computer", hint=f"sudo apt install {_PACKAGES[name]}")
+        raise BundleError(f"`{name}` is not installed on this computer", hint=f"sudo apt install {_PACKAGES[name]}")
     return result
 
 
@@ -182,9 +182,9 @@ def require_programs() -> None:
     """Hold that what makes a bundle is there, before anything is unpacked or fetched. Raises BundleRefused with all."""
     missing = [name for name in MAKERS if shutil.which(name) is None]
     if missing:
-        listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
         packages = " ".join(dict.fromkeys(_PACKAGES[name] for name in missing))
-        raise BundleRefused(f"{listed} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+        raise BundleError(f"{tools} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
 
 
 def run(
@@ -228,17 +228,17 @@ class Keys:
         place = self.folder / _SECRET
         if not place.exists():
             with _home() as home:
-                made = ["--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never"]
-                _gpg(home, *made, at=_KEY_MADE_AT)
+                quick_key = ["--passphrase", "", "--quick-generate-key", _NAME, "ed25519", "sign", "never"]
+                _gpg(home, *quick_key, at=_KEY_MADE_AT)
                 write_atomically(place, _gpg(home, "--armor", "--export-secret-keys"))
         secret = place.read_bytes()
         with _home() as home:
             _gpg(home, "--import", stdin=secret)
-            listed = _gpg(home, "--with-colons", "--list-keys").decode()
+            key_list = _gpg(home, "--with-colons", "--list-keys").decode()
             public = _gpg(home, "--export")
-        match = re.search(r"^fpr:+([0-9A-F]{40}):", listed, re.MULTILINE)
+        match = re.search(r"^fpr:+([0-9A-F]{40}):", key_list, re.MULTILINE)
         if match is None:
-            raise BundleRefused(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
+            raise BundleError(f"{place} holds no key", hint="remove it: a new key is made, and made known again")
         return BundleSigner(match[1], public, secret)
 
     def accepts(self, fingerprint: str) -> bool:
@@ -291,9 +291,9 @@ def signed_by(data: bytes, signature: bytes, public: bytes) -> str | None:
         for name, content in (("data", data), ("data.asc", signature), ("key.gpg", public)):
             (place / name).write_bytes(content)
         command = ["gpgv", "--homedir", str(place), "--keyring", str(place / "key.gpg"), "--status-fd", "1"]
-        done = run([*command, str(place / "data.asc"), str(place / "data")])
-    valid = re.search(r"^\[GNUPG:\] VALIDSIG ([0-9A-F]{40}) ", done.stdout.decode(errors="replace"), re.MULTILINE)
-    return valid[1] if valid is not None and done.returncode == 0 else None
+        process = run([*command, str(place / "data.asc"), str(place / "data")])
+    valid = re.search(r"^\[GNUPG:\] VALIDSIG ([0-9A-F]{40}) ", process.stdout.decode(errors="replace"), re.MULTILINE)
+    return valid[1] if valid is not None and process.returncode == 0 else None
 
 
 @contextmanager
@@ -308,8 +308,8 @@ def _home() -> Iterator[Path]:
 
 def _gpg(home: Path, *arguments: str, stdin: bytes | None = None, at: str = SIGNED_AT) -> bytes:
     options = ["--homedir", str(home), "--batch", "--no-tty", "--quiet", "--pinentry-mode", "loopback"]
-    done = run(["gpg", *options, "--faked-system-time", f"{at}!", *arguments], stdin=stdin)
-    if done.returncode != 0:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        raise BundleRefused(f"gpg has refused: {lines[-1] if lines else 'without a word'}", hint="gpg --version")
-    return done.stdout
+    process = run(["gpg", *options, "--faked-system-time", f"{at}!", *arguments], stdin=stdin)
+    if process.returncode != 0:
+        lines = process.stderr.decode(errors="replace").strip().splitlines()
+        raise BundleError(f"gpg has refused: {lines[-1] if lines else 'without a word'}", hint="gpg --version")
+    return process.stdout

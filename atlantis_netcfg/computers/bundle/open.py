@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, HostRequirements, refused
+from atlantis_netcfg.computers.bundle.requirements import BundleError, HostRequirements, join_errors
 from atlantis_netcfg.computers.bundle.resolve import sha256_of
 
 if TYPE_CHECKING:
@@ -27,9 +27,9 @@ class Bundle:
     folder: Path
     manifest: Manifest
 
-    def pack(self, host: str, desired: Collection[str], archive: Path) -> int:
+    def pack(self, host: str, digests: Collection[str], archive: Path) -> int:
         """Put the files with these SHA-256 into one tar archive, named by it; give the archive's bytes."""
-        files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in desired}
+        files = {file.sha256: file for file in self.manifest.of(host).values() if file.sha256 in digests}
         with tarfile.open(archive, "w", format=tarfile.USTAR_FORMAT) as tar:
             for sha256, file in sorted(files.items(), key=lambda each: (each[1].size, each[0])):
                 member = tarfile.TarInfo(sha256)
@@ -59,44 +59,44 @@ def open_bundle(
     `wishes` None: whatever is in it; nothing is held against the declaration. `accept`: the fingerprint of the key of
     another computer, as a person has typed it.
     """
-    bundle = Bundle(folder, _signed(folder, keys, accept))
+    bundle = Bundle(folder, _verify_manifest(folder, keys, accept))
     manifest = bundle.manifest
     hint = f"copy the bundle again, or make it anew: `provision bundle site={manifest.site}`"
-    found: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
+    problems: list[tuple[str, str | None]] = [(words, hint) for words in _damage(folder, manifest)]
     again = f"on a computer with internet: `provision bundle site={manifest.site}`"
-    found += [(words, again) for request in wishes or () for words in _uncovered(manifest, request)]
-    if found:
-        raise refused(found)
+    problems += [(words, again) for request in wishes or () for words in _missing_parts(manifest, request)]
+    if problems:
+        raise join_errors(problems)
     return bundle
 
 
-def _signed(folder: Path, keys: Keys, accept: str | None) -> Manifest:
+def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
     try:
         data, signature, public = ((folder / name).read_bytes() for name in (MANIFEST, SIGNATURE, KEY))
     except OSError as error:
-        raise BundleRefused(
+        raise BundleError(
             f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
             hint="name the folder itself; `provision bundle site=…` makes one, and tells where it has put it",
         ) from error
     fingerprint = signed_by(data, signature, public)
     if fingerprint is None:
-        raise BundleRefused(
+        raise BundleError(
             f"the manifest of {folder} is not what was signed: it was damaged, or changed by somebody",
             hint="copy the bundle again, or make it anew",
         )
     if accept is not None and accept.replace(" ", "").upper() != fingerprint:
-        raise BundleRefused(
+        raise BundleError(
             f"{folder} was signed by key {fingerprint}, and not by {accept}", hint="ask again who made it, and how"
         )
     if accept is None and not keys.accepts(fingerprint):
-        raise BundleRefused(
+        raise BundleError(
             f"{folder} was signed on another computer, by key {fingerprint}",
             hint="let whoever made it read you the key; if it is this one:"
             f" `provision bundle site=… check={folder} key={fingerprint}`",
         )
     manifest = read_manifest(data, f"{folder}/{MANIFEST}")
     if manifest.key != fingerprint:
-        raise BundleRefused(f"the manifest of {folder} names another key than its own", hint="make the bundle anew")
+        raise BundleError(f"the manifest of {folder} names another key than its own", hint="make the bundle anew")
     if accept is not None:
         keys.accept(fingerprint)
     return manifest
@@ -118,22 +118,25 @@ def _wrong(path: Path, file: BundleFile) -> str:
         return f"it cannot be read: {error.strerror or error}"
 
 
-def _uncovered(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
+def _missing_parts(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
     part = manifest.hosts.get(request.host)
     if part is None:
         yield f"{request.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
         return
-    expected = (request.distribution or part.distribution, request.codename or part.codename)
-    if expected != (part.distribution, part.codename):
-        yield f"{request.host}: it is for {part.distribution} {part.codename}, and {' '.join(expected)} is declared"
+    expected_release = (request.distribution or part.distribution, request.codename or part.codename)
+    if expected_release != (part.distribution, part.codename):
+        yield (
+            f"{request.host}: it is for {part.distribution} {part.codename}, "
+            f"and {' '.join(expected_release)} is declared"
+        )
     for package in request.packages:
         has = part.packages.get(package.name)
-        installed = part.installed.get(package.name)
-        if not package.fits(has) and not package.fits(installed):
-            yield f"{request.host}: package {package.apt_argument}: {_other(has or installed)}"
+        installed_version = part.installed.get(package.name)
+        if not package.fits(has) and not package.fits(installed_version):
+            yield f"{request.host}: package {package.apt_argument}: {_other(has or installed_version)}"
     yield from _libraries(part, request)
     for archive in request.archives:
-        if archive.packed not in part.held:
+        if archive.bundle_path not in part.held:
             yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_other(None)}"
 
 

@@ -73,7 +73,7 @@ class ContainerArchive:
     sha256: str
 
     @property
-    def packed(self) -> str:
+    def bundle_path(self) -> str:
         """Its path on the board, below the bundle, and in the bundle."""
         return f"images/{self.sha256}.tar"
 
@@ -94,18 +94,18 @@ class HostRequirements:
     """What the declaration expects of the board; None: nothing."""
 
 
-class BundleRefused(UsageError):
+class BundleError(UsageError):
     """A bundle that cannot be made, or must not be used; nothing was contacted. `errors` are told one by one."""
 
-    def __init__(self, message: str, *, hint: str | None = None, errors: Sequence[BundleRefused] = ()) -> None:
+    def __init__(self, message: str, *, hint: str | None = None, errors: Sequence[BundleError] = ()) -> None:
         super().__init__(message, hint=hint)
         self.errors = tuple(errors)
 
 
-def refused(found: Sequence[tuple[str, str | None]]) -> BundleRefused:
+def join_errors(problems: Sequence[tuple[str, str | None]]) -> BundleError:
     """One error for all that was found: pairs of message and hint."""
-    rows = [BundleRefused(message, hint=hint) for message, hint in found]
-    return BundleRefused("\n".join(str(row) for row in rows), hint=rows[-1].hint, errors=rows)
+    rows = [BundleError(message, hint=hint) for message, hint in problems]
+    return BundleError("\n".join(str(row) for row in rows), hint=rows[-1].hint, errors=rows)
 
 
 _RELEASES = {
@@ -129,40 +129,41 @@ class BundleTarget:
     distribution: str
     """`debian` or `ubuntu`."""
     codename: str
-    installed: Mapping[str, str]
+    installed_packages: Mapping[str, str]
     """Version of each package that is installed for that architecture."""
 
     @property
-    def shown(self) -> str:
+    def title(self) -> str:
         """For people."""
         return f"{self.distribution} {self.codename} {self.architecture}"
 
 
-def read_target(status: bytes, named: str) -> BundleTarget:
-    """Read a status file; `named` is what people call it. Raises BundleRefused."""
+def read_target(status: bytes, label: str) -> BundleTarget:
+    """Read a status file; `label` is what people call it. Raises BundleRefused."""
     packages = list(paragraphs(status.decode(errors="replace")))
     local = next((each for each in packages if each.get("Package") == "dpkg"), None)
     base = next((each for each in packages if each.get("Package") == "base-files"), None)
     if local is None or base is None:
         missing = "dpkg" if local is None else "base-files"
-        raise BundleRefused(
-            f"{named} does not describe a system: `{missing}` is not in it",
+        raise BundleError(
+            f"{label} does not describe a system: `{missing}` is not in it",
             hint="/var/lib/dpkg/status of the board, or of the image that its card was made of",
         )
     version, architecture = base["Version"], local["Architecture"]
     distribution = "ubuntu" if "ubuntu" in version else "debian"
     codename = _RELEASES.get((distribution, re.split(r"\D", version, maxsplit=1)[0]))
     if codename is None:
-        known = ", ".join(sorted(set(_RELEASES.values())))
-        raise BundleRefused(
-            f"{named}: `base-files {version}` is of no release that bundles are made for", hint=f"there are: {known}"
+        codenames = ", ".join(sorted(set(_RELEASES.values())))
+        raise BundleError(
+            f"{label}: `base-files {version}` is of no release that bundles are made for",
+            hint=f"there are: {codenames}",
         )
-    installed = {
+    installed_packages = {
         each["Package"]: each["Version"]
         for each in packages
         if each.get("Status", "").endswith(" ok installed") and each.get("Architecture") in {architecture, "all"}
     }
-    return BundleTarget(status, architecture, distribution, codename, installed)
+    return BundleTarget(status, architecture, distribution, codename, installed_packages)
 
 
 def paragraphs(text: str) -> Iterator[dict[str, str]]:

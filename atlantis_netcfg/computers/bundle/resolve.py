@@ -21,11 +21,11 @@ from urllib.parse import unquote
 
 from atlantis_netcfg.computers.bundle.manifest import BundleSigner, program, run
 from atlantis_netcfg.computers.bundle.requirements import (
-    BundleRefused,
+    BundleError,
     PackageSource,
     RequirementKey,
+    join_errors,
     paragraphs,
-    refused,
 )
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _STATUS = re.compile(r"dlstatus:\d+:(?P<share>[0-9.]+):")
 
 
 @dataclass(frozen=True, slots=True)
-class Fetched:
+class DebFile:
     """A package file that is to be fetched."""
 
     name: str
@@ -57,27 +57,25 @@ class Root:
     archives: Path
 
     @classmethod
-    def make(cls, folder: Path, shared: Path, target: BundleTarget, request: HostRequirements) -> Root:
-        """Lay the folder out anew for the wish's sources; `shared` keeps what was fetched before."""
+    def make(cls, folder: Path, shared_folder: Path, target: BundleTarget, request: HostRequirements) -> Root:
+        """Lay the folder out anew for the wish's sources; `shared_folder` keeps what was fetched before."""
         if re.search(r"[\s\"';]", str(folder)):
-            raise BundleRefused(
-                f"no work can be done in {folder}", hint="to=FOLDER: a folder without blanks in its name"
-            )
+            raise BundleError(f"no work can be done in {folder}", hint="to=FOLDER: a folder without blanks in its name")
         shutil.rmtree(folder, ignore_errors=True)
-        root = cls(folder, shared / "lists", shared / "archives")
+        root = cls(folder, shared_folder / "lists", shared_folder / "archives")
         etc = folder / "etc" / "apt"
         inside = [etc / f"{name}.d" for name in ("sources.list", "preferences", "apt.conf", "trusted.gpg", "auth.conf")]
         for each in (*inside, root.lists / "partial", root.archives / "partial", folder / "state", folder / "cache"):
             each.mkdir(parents=True, exist_ok=True)
         (folder / "status").write_bytes(target.status)
-        moved = {key.path: f"{folder}/keys{key.path}" for key in request.keys}
+        new_paths = {key.path: f"{folder}/keys{key.path}" for key in request.keys}
         for key in request.keys:
             place = folder / "keys" / key.path.lstrip("/")
             place.parent.mkdir(parents=True, exist_ok=True)
             place.write_bytes(key.content)
         for number, source in enumerate(request.sources):
             suffix = ".sources" if source.path.endswith(".sources") else ".list"
-            text = re.sub(r"/[^\s\],]+", lambda found: moved.get(found[0], found[0]), source.content)
+            text = re.sub(r"/[^\s\],]+", lambda match: new_paths.get(match[0], match[0]), source.content)
             text = re.sub(r"\bfile:(?=/)", "copy:", text)  # of file: nothing would be put into the folder of archives
             (etc / "sources.list.d" / f"{number:03}{suffix}").write_text(text, encoding="utf-8")
         for number, pin in enumerate(request.pins):
@@ -87,35 +85,37 @@ class Root:
 
     def update(self) -> None:
         """Fetch the lists of the sources. Raises BundleRefused with what apt says of each."""
-        done = self._apt("update", "-o", "APT::Update::Error-Mode=any")
-        found = _complaints(done, "E:", "W:", "Err:")
+        process = self._apt("update", "-o", "APT::Update::Error-Mode=any")
+        complaints = _complaints(process, "E:", "W:", "Err:")
         # apt-get(8) ends with 0 where a list could not be fetched, unless it is new enough for the option above.
-        failed = done.returncode != 0 or any(line.startswith("Failed to fetch") for line in found)
-        if failed:
-            raise refused([(f"the lists of packages cannot be had: {line}", _hint(line)) for line in found or ["?"]])
+        has_failed = process.returncode != 0 or any(line.startswith("Failed to fetch") for line in complaints)
+        if has_failed:
+            raise join_errors(
+                [(f"the lists of packages cannot be had: {line}", _hint(line)) for line in complaints or ["?"]]
+            )
 
-    def lacking(self, wished: Sequence[PackageRequirement]) -> tuple[Fetched, ...]:
+    def lacking(self, requirements: Sequence[PackageRequirement]) -> tuple[DebFile, ...]:
         """The package files that the target needs for these, dependencies included. Raises BundleRefused."""
-        if not wished:
+        if not requirements:
             return ()
         arguments = ["install", "--print-uris", "-q", "-o", "Acquire::ForceHash=SHA256"]
-        done = self._apt(*arguments, *_ALLOWED, *(each.apt_argument for each in wished))
-        if done.returncode != 0:
-            found = _unmet(done) or _complaints(done, "E:")
+        process = self._apt(*arguments, *_INSTALL_OPTIONS, *(each.apt_argument for each in requirements))
+        if process.returncode != 0:
+            problems = _unmet(process) or _complaints(process, "E:")
             hint = "correct the names or versions in the declaration, or the sources"
-            raise refused([(f"the packages cannot be resolved: {line}", hint) for line in found or ["?"]])
-        lines = done.stdout.decode(errors="replace").splitlines()
+            raise join_errors([(f"the packages cannot be resolved: {line}", hint) for line in problems or ["?"]])
+        lines = process.stdout.decode(errors="replace").splitlines()
         matches = [(line, _URI.fullmatch(line.strip())) for line in lines if line.startswith("'")]
         bad = [line for line, match in matches if match is None]
         if bad:
-            raise BundleRefused(f"a source tells no SHA-256 of its packages: {bad[0]}", hint="take another source")
+            raise BundleError(f"a source tells no SHA-256 of its packages: {bad[0]}", hint="take another source")
         return tuple(
-            Fetched(match["name"], int(match["size"]), match["sha256"], unquote(match["uri"]))
+            DebFile(match["name"], int(match["size"]), match["sha256"], unquote(match["uri"]))
             for _, match in matches
             if match is not None
         )
 
-    def has(self, file: Fetched) -> bool:
+    def has(self, file: DebFile) -> bool:
         """Whether a file is there already, whole; one that is not is removed."""
         path = self.archives / file.name
         if not path.is_file():
@@ -126,19 +126,19 @@ class Root:
         return False
 
     def fetch(
-        self, wished: Sequence[PackageRequirement], files: Sequence[Fetched], tell: Callable[[float], None]
+        self, requirements: Sequence[PackageRequirement], files: Sequence[DebFile], tell: Callable[[float], None]
     ) -> None:
         """Fetch what is not there yet; `tell` hears the share of it, 0 to 1. Raises BundleRefused."""
         there = [self.has(file) for file in files]
         if not all(there):
-            self._download([each.apt_argument for each in wished], tell)
+            self._download([each.apt_argument for each in requirements], tell)
         missing = [file.name for file in files if not self.has(file)]
         if missing:
             hint = "type the same again: what was fetched is kept"
-            raise refused([(f"{name} did not arrive as its source describes it", hint) for name in missing])
+            raise join_errors([(f"{name} did not arrive as its source describes it", hint) for name in missing])
 
-    def _download(self, requested: list[str], tell: Callable[[float], None]) -> None:
-        arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_ALLOWED, *requested]
+    def _download(self, package_names: list[str], tell: Callable[[float], None]) -> None:
+        arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_INSTALL_OPTIONS, *package_names]
         command = [program("apt-get"), *arguments]
         lines: list[str] = []
         with subprocess.Popen(  # noqa: S603 - a program of the system, and names of packages
@@ -159,7 +159,7 @@ class Root:
                     lines.append(line.strip())
         if process.returncode != 0:
             hint = "type the same again: what was fetched is kept"
-            raise refused([(f"fetching failed: {line}", hint) for line in lines or ["apt-get said nothing"]])
+            raise join_errors([(f"fetching failed: {line}", hint) for line in lines or ["apt-get said nothing"]])
 
     def _apt(self, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return run(["apt-get", *arguments], self._environment())
@@ -170,7 +170,7 @@ class Root:
         return {**os.environ, "LC_ALL": "C.UTF-8", "APT_CONFIG": str(self.folder / "apt.conf")}
 
 
-_ALLOWED = ("-y", "--no-install-recommends", "--no-remove", "--allow-downgrades")
+_INSTALL_OPTIONS = ("-y", "--no-install-recommends", "--no-remove", "--allow-downgrades")
 """As the module `packages` installs them."""
 
 
@@ -208,13 +208,13 @@ def _proxies() -> str:
     return "".join(f"{line}\n" for line in lines if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
 
 
-def _complaints(done: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:
-    lines = (done.stdout + done.stderr).decode(errors="replace").splitlines()
+def _complaints(process: subprocess.CompletedProcess[bytes], *marks: str) -> list[str]:
+    lines = (process.stdout + process.stderr).decode(errors="replace").splitlines()
     return list(dict.fromkeys(line.split(":", 1)[1].strip() for line in lines if line.startswith(marks)))
 
 
-def _unmet(done: subprocess.CompletedProcess[bytes]) -> list[str]:
-    lines = done.stdout.decode(errors="replace").splitlines()
+def _unmet(process: subprocess.CompletedProcess[bytes]) -> list[str]:
+    lines = process.stdout.decode(errors="replace").splitlines()
     return [line.strip() for line in lines if line.startswith(" ") and "Depends:" in line]
 
 
@@ -249,11 +249,11 @@ class ResolvedPackage:
 
 def read_package(deb: Path, sha256: str) -> ResolvedPackage:
     """Look into a package file. Raises BundleRefused."""
-    done = run(["dpkg-deb", "--field", str(deb)])
-    control = done.stdout.decode(errors="replace").rstrip()
+    process = run(["dpkg-deb", "--field", str(deb)])
+    control = process.stdout.decode(errors="replace").rstrip()
     fields = next(paragraphs(control), {})
-    if done.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
-        raise BundleRefused(f"{deb.name} is no Debian package", hint="remove it, and type the same again")
+    if process.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
+        raise BundleError(f"{deb.name} is no Debian package", hint="remove it, and type the same again")
     return ResolvedPackage(
         fields["Package"], fields["Version"], fields["Architecture"], control, deb.stat().st_size, sha256
     )
@@ -261,21 +261,22 @@ def read_package(deb: Path, sha256: str) -> ResolvedPackage:
 
 def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: BundleSigner) -> dict[str, bytes]:
     """The files of the index by name; packages are expected in `pool` beside them."""
-    ordered = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
+    sorted_packages = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
     text = "\n".join(
-        f"{each.control}\nFilename: ./pool/{each.file}\nSize: {each.size}\nSHA256: {each.sha256}\n" for each in ordered
+        f"{each.control}\nFilename: ./pool/{each.file}\nSize: {each.size}\nSHA256: {each.sha256}\n"
+        for each in sorted_packages
     )
     plain = text.encode()
-    packed = lzma.compress(plain)
+    xz_data = lzma.compress(plain)
     sums = "".join(
         f" {hashlib.sha256(data).hexdigest()} {len(data)} {name}\n"
-        for name, data in (("Packages", plain), ("Packages.xz", packed))
+        for name, data in (("Packages", plain), ("Packages.xz", xz_data))
     )
     release = (
         f"Origin: ATLANTIS bundle\nLabel: ATLANTIS bundle\nSuite: {target.codename}\nCodename: {target.codename}\n"
         f"Date: {_DATE}\nArchitectures: {target.architecture} all\nSHA256:\n{sums}"
     )
-    return {"InRelease": signer.in_clear(release), "Packages.xz": packed}
+    return {"InRelease": signer.in_clear(release), "Packages.xz": xz_data}
 
 
 @dataclass(frozen=True, slots=True)
@@ -342,6 +343,6 @@ def _key(row: Distribution, keyring: Path | None) -> bytes:
         return path.read_bytes()
     except OSError as error:
         hint = "`keyring=` names a file" if keyring else f"sudo apt install {row.keyring_package}, or add keyring=FILE"
-        raise BundleRefused(
+        raise BundleError(
             f"the key of the distribution cannot be read: {path}: {error.strerror or error}", hint=hint
         ) from error

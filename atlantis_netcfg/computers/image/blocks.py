@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
-from atlantis_netcfg.computers.image.facts import DeviceRefused
+from atlantis_netcfg.computers.image.facts import BlockDeviceError
 
 _SECTOR = 512
 """Bytes in the unit of `/sys/block/*/size`, whatever the device's own sectors are."""
@@ -74,7 +74,7 @@ class BlockDevice:
         return self.serial or f"{self.name}-{self.size}"
 
     @property
-    def shown(self) -> str:
+    def summary(self) -> str:
         """One line for people."""
         label = self.label or "without a name"
         serial = f"serial {self.serial}" if self.serial else "without a serial"
@@ -95,20 +95,20 @@ class BlockTree:
         try:
             return self._read(place.resolve(strict=True), number)
         except (OSError, ValueError) as error:
-            raise DeviceRefused(f"{path} is gone, or cannot be read", hint="put the card in again") from error
+            raise BlockDeviceError(f"{path} is gone, or cannot be read", hint="put the card in again") from error
 
     @staticmethod
     def _number(path: Path) -> str:
         try:
             status = path.stat()
         except FileNotFoundError:
-            raise DeviceRefused(
+            raise BlockDeviceError(
                 f"there is no {path}", hint="`ls -l /dev/disk/by-id` lists the disks; the card may not be in"
             ) from None
         except OSError as error:
-            raise DeviceRefused(f"{path}: {error.strerror}") from error
+            raise BlockDeviceError(f"{path}: {error.strerror}") from error
         if not stat.S_ISBLK(status.st_mode):
-            raise DeviceRefused(
+            raise BlockDeviceError(
                 f"{path} is not a block device",
                 hint="`to=` wants a disk of /dev/disk/by-id; `--image-only FILE` makes a file",
             )
@@ -143,23 +143,23 @@ class BlockTree:
 
     def _uses(self, place: Path) -> list[Use]:
         """Of the disk, its partitions, and everything that is built on one of these."""
-        found: list[Use] = []
+        uses: list[Use] = []
         mounts, swaps = self._mounts(), self._swaps()
-        rest, seen = [place], set[str]()
+        rest, seen_names = [place], set[str]()
         while rest:
             part = rest.pop(0)
-            if part.name in seen:
+            if part.name in seen_names:
                 continue
-            seen.add(part.name)
+            seen_names.add(part.name)
             for key in (_text(part / "dev"), part.name):
-                found += [Use(part.name, f"is mounted at {at}", _is_system(at)) for at in mounts.get(key, ())]
+                uses += [Use(part.name, f"is mounted at {at}", _is_system(at)) for at in mounts.get(key, ())]
             if part.name in swaps:
-                found.append(Use(part.name, "is swap space", system=True))
+                uses.append(Use(part.name, "is swap space", system=True))
             rest += sorted(each.parent for each in part.glob("*/partition"))
             for holder in sorted((part / "holders").glob("*")):
-                found.append(Use(part.name, f"is held by {holder.name} (LVM, RAID or encryption)", system=False))
+                uses.append(Use(part.name, f"is held by {holder.name} (LVM, RAID or encryption)", system=False))
                 rest.append(holder.resolve())
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(uses))
 
     def _mounts(self) -> dict[str, list[str]]:
         """Mount points by MAJOR:MINOR, and by name: btrfs shows a number that no device has (proc_pid_mountinfo(5))."""
@@ -187,8 +187,8 @@ def _text(path: Path) -> str:
 
 
 def _label(place: Path) -> str:
-    named = [_text(place / "device" / name) for name in ("vendor", "model", "name")]
-    return " ".join(filter(None, named))
+    parts = [_text(place / "device" / name) for name in ("vendor", "model", "name")]
+    return " ".join(filter(None, parts))
 
 
 def _bus(place: Path) -> DeviceBus:
@@ -216,57 +216,57 @@ _MOST = 512 * 10**9
 _BY_ID = "name the card by its link in /dev/disk/by-id, and unmount what is on it"
 
 
-def reasons(disk: BlockDevice, needed: int = 0) -> tuple[str, ...]:
+def reasons(disk: BlockDevice, image_size: int = 0) -> tuple[str, ...]:
     """Why the disk must not be written with an image of so many bytes; empty where it may."""
     if disk.whole:
         return (f"{disk.name} is a partition of {disk.whole}: an image wants the whole disk",)
-    found = [f"this computer runs from it: {use.part} {use.how}" for use in disk.uses if use.system]
-    found += [f"{use.part} {use.how}" for use in disk.uses if not use.system]
+    objections = [f"this computer runs from it: {use.part} {use.how}" for use in disk.uses if use.system]
+    objections += [f"{use.part} {use.how}" for use in disk.uses if not use.system]
     if disk.bus not in _CARDS:
-        found.append(f"it is not removable: its bus is {disk.bus}, and cards are on USB or in an SD/MMC slot")
+        objections.append(f"it is not removable: its bus is {disk.bus}, and cards are on USB or in an SD/MMC slot")
     if disk.read_only:
-        found.append("it is write-protected")
+        objections.append("it is write-protected")
     if disk.size == 0:
-        found.append("there is no card in the reader")
+        objections.append("there is no card in the reader")
     elif disk.size > _MOST:
-        found.append(f"it has {disk.size / 1e9:.0f} GB, and no card of a gateway has more than {_MOST / 1e9:.0f}")
-    elif disk.size < needed:
-        found.append(f"it has {disk.size} bytes, and the image needs {needed}")
-    return tuple(found)
+        objections.append(f"it has {disk.size / 1e9:.0f} GB, and no card of a gateway has more than {_MOST / 1e9:.0f}")
+    elif disk.size < image_size:
+        objections.append(f"it has {disk.size} bytes, and the image needs {image_size}")
+    return tuple(objections)
 
 
-def admit(tree: BlockTree, path: Path, needed: int = 0) -> BlockDevice:
+def admit(tree: BlockTree, path: Path, image_size: int = 0) -> BlockDevice:
     """The disk at a path, if it may be written. Raises DeviceRefused with all reasons."""
     disk = tree.disk(path)
-    if why := reasons(disk, needed):
+    if why := reasons(disk, image_size):
         lines = "".join(f"\n  {each}" for each in why)
-        raise DeviceRefused(f"{path} is refused, and nothing was written:{lines}", hint=_BY_ID)
+        raise BlockDeviceError(f"{path} is refused, and nothing was written:{lines}", hint=_BY_ID)
     return disk
 
 
-def same(tree: BlockTree, path: Path, shown: BlockDevice, needed: int = 0) -> None:
+def same(tree: BlockTree, path: Path, expected_disk: BlockDevice, image_size: int = 0) -> None:
     """Hold that the path still leads to the disk that was shown. Raises DeviceRefused."""
-    disk = admit(tree, path, needed)
+    disk = admit(tree, path, image_size)
     rows = (
-        ("kernel's name", shown.name, disk.name),
-        ("device number", shown.number, disk.number),
-        ("serial", shown.serial, disk.serial),
-        ("size", shown.size, disk.size),
-        ("sequence number", shown.diskseq, disk.diskseq),
-        ("model", shown.label, disk.label),
+        ("kernel's name", expected_disk.name, disk.name),
+        ("device number", expected_disk.number, disk.number),
+        ("serial", expected_disk.serial, disk.serial),
+        ("size", expected_disk.size, disk.size),
+        ("sequence number", expected_disk.diskseq, disk.diskseq),
+        ("model", expected_disk.label, disk.label),
     )
-    if changed := [f"\n  its {what} was {was} and is {became}" for what, was, became in rows if was != became]:
-        raise DeviceRefused(
-            f"{path} has changed since it was shown, and nothing was written:{''.join(changed)}",
+    if changes := [f"\n  its {what} was {was} and is {became}" for what, was, became in rows if was != became]:
+        raise BlockDeviceError(
+            f"{path} has changed since it was shown, and nothing was written:{''.join(changes)}",
             hint="look at which card is in, then type the same again",
         )
 
 
-def confirmed(disk: BlockDevice, typed: str) -> None:
+def require_confirmation(disk: BlockDevice, answer: str) -> None:
     """Hold a person's word to the disk that was shown. Raises DeviceRefused."""
-    if typed.strip() != disk.proof:
+    if answer.strip() != disk.proof:
         what = "serial" if disk.serial else "name and size (it has no serial)"
-        raise DeviceRefused(
-            f"`{typed.strip()}` is not the {what} of {disk.name}, and nothing was written",
+        raise BlockDeviceError(
+            f"`{answer.strip()}` is not the {what} of {disk.name}, and nothing was written",
             hint=f"read it from the card or its reader; the kernel says {disk.proof}",
         )

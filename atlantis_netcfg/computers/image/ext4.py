@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.image.facts import Edit, ImageDirectory, ImageFile, ImageLink, ImageRefused, Remove
+from atlantis_netcfg.computers.image.facts import Edit, ImageDirectory, ImageError, ImageFile, ImageLink, Remove
 from atlantis_netcfg.core import temporary
 
 if TYPE_CHECKING:
@@ -31,26 +31,26 @@ _OTHER_IMAGE = "take an image of the vendor that was made without it"
 
 _PATH = re.compile(r"(/[A-Za-z0-9._@+~-]+)+|/")
 _KINDS = {"regular": 0o100000, "directory": 0o040000, "symlink": 0o120000}
-_CORRECTED = 1
+_ERRORS_FIXED = 1
 """Exit code of e2fsck(8): errors were corrected, such as a journal that was replayed."""
 
 
 def require_tools(*names: str) -> None:
     """Hold that programs of the system are installed. Raises ImageRefused with all that are not."""
-    missing = [name for name in names if _found(name) is None]
+    missing = [name for name in names if _find_program(name) is None]
     if missing:
-        listed, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
+        tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
         packages = " ".join(dict.fromkeys(PROGRAMS[name] for name in missing))
-        raise ImageRefused(f"{listed} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+        raise ImageError(f"{tools} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
 
 
 def tool(name: str) -> str:
     """The path of a program of the system. Raises ImageRefused where it is not installed."""
     require_tools(name)
-    return _found(name) or name
+    return _find_program(name) or name
 
 
-def _found(name: str) -> str | None:
+def _find_program(name: str) -> str | None:
     return shutil.which(name) or shutil.which(name, path="/usr/sbin:/sbin")
 
 
@@ -80,28 +80,28 @@ class Ext4:
 
     def recover(self) -> None:
         """Replay a journal that was left open. Raises ImageRefused where the file system is damaged."""
-        done = self._run([tool("e2fsck"), "-p", self._where])
-        if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", done.stdout):
-            raise ImageRefused(
+        process = self._run([tool("e2fsck"), "-p", self._where])
+        if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
+            raise ImageError(
                 f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
                 hint="work on a computer with a newer e2fsprogs, or take an older image of the vendor",
             )
-        if done.returncode not in {0, _CORRECTED}:
-            raise ImageRefused(f"the image's file system is damaged: {_last(done.stdout)}", hint="fetch it again")
+        if process.returncode not in {0, _ERRORS_FIXED}:
+            raise ImageError(f"the image's file system is damaged: {_last(process.stdout)}", hint="fetch it again")
 
     def hold_editable(self) -> None:
         """Hold that debugfs can edit the file system. Raises ImageRefused."""
         result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
-        if found := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
-            raise ImageRefused(
-                f"the image's file system has the feature `{found[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
+        if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
+            raise ImageError(
+                f"the image's file system has the feature `{features[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
             )
 
     def check(self) -> None:
         """Hold that the file system is clean. Raises ImageRefused."""
-        done = self._run([tool("e2fsck"), "-fn", self._where])
-        if done.returncode:
-            raise ImageRefused(f"the image's file system is damaged after customising: {_last(done.stdout)}")
+        process = self._run([tool("e2fsck"), "-fn", self._where])
+        if process.returncode:
+            raise ImageError(f"the image's file system is damaged after customising: {_last(process.stdout)}")
 
     def status(self, path: str) -> FileStatus | None:
         """What stands at a path; None: nothing. Links on the way are not followed."""
@@ -126,8 +126,8 @@ class Ext4:
     def names(self, path: str) -> tuple[str, ...]:
         """The names in a directory; empty where there is none."""
         text = self._ask(f"ls -p {_safe(path)}")
-        found = (line.split("/")[5] for line in text.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
-        return tuple(sorted(name for name in found if name not in {"", ".", ".."}))
+        entries = (line.split("/")[5] for line in text.splitlines() if line.count("/") >= 6)  # noqa: PLR2004
+        return tuple(sorted(name for name in entries if name not in {"", ".", ".."}))
 
     def exists(self, path: str) -> bool:
         """Whether anything stands there, also where the way leads through links like /sbin -> usr/sbin."""
@@ -139,7 +139,7 @@ class Ext4:
             status = self.status(path)
             if status is not None and status.kind == "symlink":
                 to = f" to {status.target}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else ""
-                raise ImageRefused(
+                raise ImageError(
                     f"{path} of the image is a symbolic link{to}, and what lies behind a link is not edited",
                     hint="take an image of the vendor in which it is a file or a folder itself",
                 )
@@ -154,10 +154,10 @@ class Ext4:
             commands = [line for number, edit in enumerate(edits) for line in self._commands(edit, number, scratch)]
             batch = scratch / "commands"
             batch.write_text("".join(f"{line}\n" for line in commands))
-            done = self._run([tool("debugfs"), "-w", "-f", str(batch), self._where])
+            process = self._run([tool("debugfs"), "-w", "-f", str(batch), self._where])
         self.check()
         for edit in edits:
-            self._verify(edit, _complaint(done.stdout))
+            self._verify(edit, _complaint(process.stdout))
 
     def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
@@ -169,7 +169,7 @@ class Ext4:
             return
         if there is not None:
             if there.kind == "directory":
-                raise ImageRefused(f"the image has a directory at {path}, where a file is expected")
+                raise ImageError(f"the image has a directory at {path}, where a file is expected")
             yield f"rm {path}"
         if isinstance(edit, ImageFile):
             (scratch / str(number)).write_bytes(edit.content)
@@ -191,7 +191,7 @@ class Ext4:
         else:
             current = status.kind == "symlink" and status.target == edit.target
         if not current:
-            raise ImageRefused(
+            raise ImageError(
                 f"{edit.path} of the image could not be set: {complaint or 'what is read back is something else'}",
                 hint="the image's file system may be full; nothing was written to a card",
             )
@@ -221,13 +221,13 @@ def _attributes(path: str, mode: int, owner: tuple[int, int]) -> Iterator[str]:
 
 def _safe(path: str) -> str:
     if not _PATH.fullmatch(path) or ".." in PurePosixPath(path).parts:
-        raise ImageRefused(f"`{path}` cannot be the path of a file in an image")
+        raise ImageError(f"`{path}` cannot be the path of a file in an image")
     return path
 
 
 def _safe_target(target: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9._@+~/-]{1,59}", target):  # 60 bytes and more are no fast link
-        raise ImageRefused(f"`{target}` cannot be the target of a link in an image")
+        raise ImageError(f"`{target}` cannot be the target of a link in an image")
     return target
 
 
@@ -315,8 +315,8 @@ def find(image: Path, layout: DiskLayout) -> Places:
     return Places(starts[root], None if boot is None else FatAt(starts[boot]))
 
 
-def _other(layout: DiskLayout, why: str) -> ImageRefused:
-    return ImageRefused(
+def _other(layout: DiskLayout, why: str) -> ImageError:
+    return ImageError(
         f"the image is not of layout `{layout.name}`: {why}",
         hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",
     )
@@ -324,9 +324,9 @@ def _other(layout: DiskLayout, why: str) -> ImageRefused:
 
 def _only(ext4: list[int]) -> int:
     if len(ext4) != 1:
-        found = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
-        raise ImageRefused(
-            f"one partition of the image must hold ext4, and {found}", hint="declare the board's `layout`"
+        finding = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
+        raise ImageError(
+            f"one partition of the image must hold ext4, and {finding}", hint="declare the board's `layout`"
         )
     return ext4[0]
 
@@ -334,12 +334,12 @@ def _only(ext4: list[int]) -> int:
 def _partitions(start: bytes) -> dict[int, int]:
     """First bytes of the partitions by number, of an MBR (primary ones) or a GPT (UEFI 2.10, 5.3)."""
     if not _has(start, _BOOT_MAGIC):
-        raise ImageRefused("the image holds no partition table", hint="is it an image of a whole card?")
+        raise ImageError("the image holds no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]
     if not any(row[2] == _GPT_PROTECTIVE for row in rows):
         return {number: row[4] * _SECTOR for number, row in enumerate(rows, 1) if row[2] and row[4]}
     if start[_SECTOR : _SECTOR + 8] != b"EFI PART":
-        raise ImageRefused("the GPT of the image is damaged", hint="fetch it again")
+        raise ImageError("the GPT of the image is damaged", hint="fetch it again")
     where, count, size = struct.unpack_from("<QII", start, _SECTOR + 72)
     result = {}
     for row in range(min(count, 128)):
@@ -350,8 +350,8 @@ def _partitions(start: bytes) -> dict[int, int]:
 
 
 def _has(data: bytes | int, magic: tuple[int, bytes]) -> bool:
-    at, desired = magic
-    return isinstance(data, bytes) and data[at : at + len(desired)] == desired
+    at, expected_bytes = magic
+    return isinstance(data, bytes) and data[at : at + len(expected_bytes)] == expected_bytes
 
 
 def _is_fat(sector: bytes | int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, UsageError
+from atlantis_netcfg.core.errors import DeviceError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -61,7 +61,7 @@ class ImageFacts:
     """Texts of the files that the planner reads, by path; those that are missing are not there."""
     present: frozenset[str]
     """Which of the paths that the planner asks about exist."""
-    listed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    names_by_folder: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Names in directories, by path."""
     boot_words: Mapping[str, str] = field(default_factory=dict)
     """Texts of the files that hold the kernel's command line, by what a person calls them."""
@@ -109,13 +109,13 @@ class Remove:
 Edit = ImageFile | ImageDirectory | ImageLink | Remove
 
 
-class ImageRefused(UsageError):
+class ImageError(UsageError):
     """The image cannot be used as it is; no card was touched."""
 
 
-class DeviceRefused(UsageError):
+class BlockDeviceError(UsageError):
     """The device must not be written, or is not the one that was shown; nothing was written."""
 
 
-class CardUnfinished(DeviceFailed):
+class CardWriteError(DeviceError):
     """Writing began and did not succeed: the card's first block is empty, so it does not boot. Write it again."""

@@ -15,10 +15,10 @@ from atlantis_netcfg.computers.image.ext4 import DiskLayout, Ext4, find, tool
 from atlantis_netcfg.computers.image.facts import (
     Account,
     ImageDirectory,
+    ImageError,
     ImageFacts,
     ImageFile,
     ImageLink,
-    ImageRefused,
     ImageRequest,
     Remove,
 )
@@ -46,20 +46,20 @@ PubkeyAuthentication yes
 """
 
 
-def accounts(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
+def accounts(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """The technicians' keys, passwords removed, and an SSH server that takes keys only. Raises ImageRefused."""
-    account = _account(seen.text(PASSWD), request.user)
+    account = _account(facts.text(PASSWD), request.user)
     folder = f"{account.home.rstrip('/')}/.ssh"
     yield ImageDirectory(folder, 0o700, account.owner)
     keys = "".join(f"{key}\n" for key in request.keys)
     yield ImageFile(f"{folder}/authorized_keys", keys.encode(), 0o600, account.owner)
-    yield from passwords(seen)
-    if SSHD not in seen.files:
-        raise ImageRefused(f"the image has no {SSHD}: nobody could log in", hint="take an image with an SSH server")
-    if SSHD_PARTS not in seen.present:
+    yield from passwords(facts)
+    if SSHD not in facts.files:
+        raise ImageError(f"the image has no {SSHD}: nobody could log in", hint="take an image with an SSH server")
+    if SSHD_PARTS not in facts.present:
         yield ImageDirectory(SSHD_PARTS)
     yield ImageFile(_OURS, _SSHD_TEXT.encode())
-    text = seen.text(SSHD)
+    text = facts.text(SSHD)
     first = next((line.split() for line in text.splitlines() if line.split() and not line.lstrip().startswith("#")), [])
     if first != _INCLUDE.split():
         yield ImageFile(SSHD, f"{_INCLUDE}\n{text}".encode())
@@ -70,36 +70,36 @@ def _account(passwd: str, name: str) -> Account:
     row = rows.get(name)
     if row is None:
         people = ", ".join(item for item, row in rows.items() if row[6].endswith("sh")) or "none"
-        raise ImageRefused(f"the image has no account `{name}`", hint=f"declare `user`: the image has {people}")
+        raise ImageError(f"the image has no account `{name}`", hint=f"declare `user`: the image has {people}")
     if row[6].endswith(("nologin", "false")):
-        raise ImageRefused(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
+        raise ImageError(f"account `{name}` of the image cannot log in: its shell is {row[6]}")
     return Account(name, (int(row[2]), int(row[3])), row[5] or "/", row[6])
 
 
-def unlocked(shadow: str) -> tuple[str, ...]:
+def open_accounts(shadow: str) -> tuple[str, ...]:
     """The accounts that a password, or none at all, would open."""
     rows = (line.split(":") for line in shadow.splitlines())
     return tuple(row[0] for row in rows if len(row) > 1 and not row[1].startswith(("!", "*")))
 
 
-def passwords(seen: ImageFacts) -> Iterator[Edit]:
+def passwords(facts: ImageFacts) -> Iterator[Edit]:
     """No account has a password; `*` rather than `!`, which sshd without PAM takes for a locked account.
 
     A password that must be changed at the first login would stand in the way of the key, so that its age goes too.
     """
-    shadow, passwd = seen.text(SHADOW), seen.text(PASSWD)
+    shadow, passwd = facts.text(SHADOW), facts.text(PASSWD)
     rows = [line.split(":") for line in shadow.splitlines()]
-    open_ones = set(unlocked(shadow))
+    open_ones = set(open_accounts(shadow))
     for row in rows:
         if row[0] in open_ones:
             row[1] = "*"
         if len(row) > 2 and row[2] == "0":  # noqa: PLR2004 - the day of the last change: 0 forces one (shadow(5))
             row[2] = ""
     text = "".join(f"{':'.join(row)}\n" for row in rows)
-    if SHADOW not in seen.files:
-        raise ImageRefused(f"the image has no {SHADOW}: its passwords cannot be removed")
+    if SHADOW not in facts.files:
+        raise ImageError(f"the image has no {SHADOW}: its passwords cannot be removed")
     if text != shadow:
-        yield ImageFile(SHADOW, text.encode(), 0o640, (0, _group(seen, "shadow")))
+        yield ImageFile(SHADOW, text.encode(), 0o640, (0, _group(facts, "shadow")))
     people = [line.split(":") for line in passwd.splitlines()]
     for row in people:
         if len(row) > 1 and row[1] != "x":
@@ -109,15 +109,15 @@ def passwords(seen: ImageFacts) -> Iterator[Edit]:
         yield ImageFile(PASSWD, message.encode())
 
 
-def _group(seen: ImageFacts, name: str) -> int:
-    rows = (line.split(":") for line in seen.text("/etc/group").splitlines())
+def _group(facts: ImageFacts, name: str) -> int:
+    rows = (line.split(":") for line in facts.text("/etc/group").splitlines())
     return next((int(row[2]) for row in rows if row[0] == name and len(row) > 2), 0)  # noqa: PLR2004
 
 
 NETPLAN, IFUPDOWN = "/usr/sbin/netplan", "/usr/sbin/ifup"
 _IFUPDOWN_OLD = "/sbin/ifup"
 NETWORK_MANAGER = "/usr/sbin/NetworkManager"
-NETWORKD, RESOLVED = "/lib/systemd/systemd-networkd", "/lib/systemd/systemd-resolved"
+NETWORKD, SYSTEMD_RESOLVED = "/lib/systemd/systemd-networkd", "/lib/systemd/systemd-resolved"
 _PLANS, _PROFILES = "/etc/netplan", "/etc/NetworkManager/system-connections"
 _PLAN = "10-atlantis.yaml"
 _PARTS = "/etc/systemd/network"
@@ -129,7 +129,7 @@ PATHS = (
     _IFUPDOWN_OLD,
     NETWORK_MANAGER,
     NETWORKD,
-    RESOLVED,
+    SYSTEMD_RESOLVED,
     _PLANS,
     _PROFILES,
     _PARTS,
@@ -140,43 +140,43 @@ PATHS = (
 _HEADER = "# Written by `provision image`."
 
 
-def network(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
+def network(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """One wired interface, with a fixed address or DHCP. Raises ImageRefused where nothing would configure it."""
-    if NETPLAN in seen.present:
-        others = (name for name in seen.listed.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
+    if NETPLAN in facts.present:
+        others = (name for name in facts.names_by_folder.get(_PLANS, ()) if name.endswith(".yaml") and name != _PLAN)
         yield from (Remove(f"{_PLANS}/{name}") for name in others)
-        yield from _folder(seen, _PLANS)
+        yield from _folder(facts, _PLANS)
         yield ImageFile(f"{_PLANS}/{_PLAN}", _netplan(request).encode(), 0o600)
-    elif {IFUPDOWN, _IFUPDOWN_OLD} & seen.present:
+    elif {IFUPDOWN, _IFUPDOWN_OLD} & facts.present:
         if not request.interface:
-            raise ImageRefused(
+            raise ImageError(
                 "the image configures its network by ifupdown, which needs the interface's name",
                 hint="declare `interface` of the host's image, like eth0",
             )
         yield ImageFile("/etc/network/interfaces", _interfaces(request).encode())
-    elif NETWORK_MANAGER in seen.present:
-        yield from _folder(seen, _PROFILES)
+    elif NETWORK_MANAGER in facts.present:
+        yield from _folder(facts, _PROFILES)
         yield ImageFile(f"{_PROFILES}/atlantis.nmconnection", _profile(request).encode(), 0o600)
-    elif NETWORKD in seen.present:
-        yield from _folder(seen, _PARTS)
-        yield from _folder(seen, _UNITS_OF_BOOT)
+    elif NETWORKD in facts.present:
+        yield from _folder(facts, _PARTS)
+        yield from _folder(facts, _UNITS_OF_BOOT)
         yield ImageFile(f"{_PARTS}/05-atlantis.network", _networkd(request).encode())
         yield ImageLink(
             f"{_UNITS_OF_BOOT}/systemd-networkd.service",
             f"{NETWORKD.rpartition('/')[0]}/system/systemd-networkd.service",
         )
     else:
-        raise ImageRefused(
+        raise ImageError(
             "nothing in the image would set its address: no netplan, ifupdown, NetworkManager or systemd-networkd"
         )
-    if request.static is not None and RESOLVED not in seen.present and NETWORK_MANAGER not in seen.present:
+    if request.static is not None and SYSTEMD_RESOLVED not in facts.present and NETWORK_MANAGER not in facts.present:
         yield ImageFile(
             _RESOLV, f"{_HEADER}\nsearch {request.static.domain}\nnameserver {request.static.gateway}\n".encode()
         )
 
 
-def _folder(seen: ImageFacts, path: str) -> Iterator[Edit]:
-    if path not in seen.present:
+def _folder(facts: ImageFacts, path: str) -> Iterator[Edit]:
+    if path not in facts.present:
         yield ImageDirectory(path)
 
 
@@ -263,7 +263,7 @@ _CLOUD_ON = f"{_CLOUD}/cloud-init.enabled"
 
 READ = (PASSWD, SHADOW, "/etc/group", _HOSTS, SSHD)
 """The files whose texts the planner needs."""
-LISTED = (_SSH, "/etc/netplan")
+LISTED_FOLDERS = (_SSH, "/etc/netplan")
 """The directories whose names it needs."""
 BOOT_WORDS = ("/etc/default/grub", "/boot/grub/grub.cfg", "/boot/extlinux/extlinux.conf", "/boot/cmdline.txt")
 """Files that hold the words of the kernel's command line; those of the FAT partition are read besides."""
@@ -286,28 +286,28 @@ def paths_to_check(request: ImageRequest) -> tuple[str, ...]:
     )
 
 
-def plan(seen: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
+def plan(facts: ImageFacts, request: ImageRequest) -> tuple[Edit, ...]:
     """The edits, in the order in which they are carried out. Raises ImageRefused where the image cannot serve."""
-    found = [
-        *(ImageDirectory(path) for path in _FOLDERS if path not in seen.present),
-        *_identity(seen, request),
-        *accounts(seen, request),
-        *network(seen, request),
-        *_time(seen, request),
+    edits = [
+        *(ImageDirectory(path) for path in _FOLDERS if path not in facts.present),
+        *_identity(facts, request),
+        *accounts(facts, request),
+        *network(facts, request),
+        *_time(facts, request),
         *_first_boot(request),
-        *_no_cloud_init(seen),
+        *_no_cloud_init(facts),
     ]
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(edits))
 
 
-def notes(seen: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
+def notes(facts: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
     """What a person should know, although it does not stand in the way."""
     result = []
-    if f"{_ZONES}/{request.time_zone}" not in seen.present:
+    if f"{_ZONES}/{request.time_zone}" not in facts.present:
         result.append(
             f"the image has no time zone data: its clock shows UTC until tzdata is installed ({request.time_zone})"
         )
-    if _cloud_init(seen):
+    if _cloud_init(facts):
         result.append(
             "cloud-init of the image is switched off, and with it what it does at a first start, such as growing the "
             "file system"
@@ -315,52 +315,54 @@ def notes(seen: ImageFacts, request: ImageRequest) -> tuple[str, ...]:
     return tuple(result)
 
 
-def _identity(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
+def _identity(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Host name; and no identity that other cards from this image have as well (machine-id(5))."""
     yield ImageFile("/etc/hostname", f"{request.host}\n".encode())
-    kept = [line for line in seen.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
-    if not any(line.split()[:1] == ["127.0.0.1"] for line in kept):
-        kept.insert(0, "127.0.0.1\tlocalhost")
-    yield ImageFile(_HOSTS, "".join(f"{line}\n" for line in [*kept, f"127.0.1.1\t{request.host}"]).encode())
+    host_lines = [line for line in facts.text(_HOSTS).splitlines() if line.split()[:1] != ["127.0.1.1"]]
+    if not any(line.split()[:1] == ["127.0.0.1"] for line in host_lines):
+        host_lines.insert(0, "127.0.0.1\tlocalhost")
+    yield ImageFile(_HOSTS, "".join(f"{line}\n" for line in [*host_lines, f"127.0.1.1\t{request.host}"]).encode())
     yield ImageFile(_MACHINE_ID, b"", 0o444)
     for path in (_DBUS_ID, _SEED):
-        if path in seen.present:
+        if path in facts.present:
             yield Remove(path)
-    yield from (Remove(f"{_SSH}/{name}") for name in seen.listed.get(_SSH, ()) if name.startswith("ssh_host_"))
+    yield from (
+        Remove(f"{_SSH}/{name}") for name in facts.names_by_folder.get(_SSH, ()) if name.startswith("ssh_host_")
+    )
 
 
-def _time(seen: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
+def _time(facts: ImageFacts, request: ImageRequest) -> Iterator[Edit]:
     """Zone and servers; by address, because names do not resolve while the clock is wrong."""
     yield ImageLink("/etc/localtime", f"{_ZONES}/{request.time_zone}")
     yield ImageFile("/etc/timezone", f"{request.time_zone}\n".encode())
     servers = " ".join(map(str, request.time_servers))
     yield ImageFile(f"{_TIMESYNC}/atlantis.conf", f"# Written by `provision image`.\n[Time]\nNTP={servers}\n".encode())
-    if _CHRONY in seen.present:
+    if _CHRONY in facts.present:
         lines = "".join(f"server {server} iburst\n" for server in request.time_servers)
         yield ImageFile(f"{_CHRONY}/atlantis.sources", lines.encode())
 
 
-def _cloud_init(seen: ImageFacts) -> bool:
-    return any(path in seen.present for path in _CLOUD_INIT)
+def _cloud_init(facts: ImageFacts) -> bool:
+    return any(path in facts.present for path in _CLOUD_INIT)
 
 
-def _no_cloud_init(seen: ImageFacts) -> Iterator[Edit]:
+def _no_cloud_init(facts: ImageFacts) -> Iterator[Edit]:
     """At its first start it would give the computer an address, accounts, host keys and a name of its own.
 
     A file switches it off. Another file, and the kernel's command line, have precedence (its generator for systemd).
     """
-    if not _cloud_init(seen):
+    if not _cloud_init(facts):
         return
-    for place, text in seen.boot_words.items():
+    for place, text in facts.boot_words.items():
         if re.search(r"^[^#\n]*\bcloud-init=enabled\b", text, re.MULTILINE):
-            raise ImageRefused(
+            raise ImageError(
                 f"{place} of the image tells the kernel `cloud-init=enabled`: address, accounts and host name would be "
                 "written anew at the first start",
                 hint="take an image of the vendor without it",
             )
-    if _CLOUD not in seen.present:
+    if _CLOUD not in facts.present:
         yield ImageDirectory(_CLOUD)
-    if _CLOUD_ON in seen.present:
+    if _CLOUD_ON in facts.present:
         yield Remove(_CLOUD_ON)
     yield ImageFile(f"{_CLOUD}/cloud-init.disabled", b"Written by `provision image`.\n")
 
@@ -409,18 +411,18 @@ class Fat:
 
     def read(self, name: str) -> bytes | None:
         """A file's bytes; None where there is none."""
-        done = self._run("mcopy", "-n", f"::{name}", "-")
-        return done.stdout if done.returncode == 0 else None
+        process = self._run("mcopy", "-n", f"::{name}", "-")
+        return process.stdout if process.returncode == 0 else None
 
     def write(self, name: str, content: bytes) -> None:
         """Replace a file, and read it back. Raises ImageRefused."""
         with temporary.folder("fat") as scratch:
             file = scratch / name
             file.write_bytes(content)
-            done = self._run("mcopy", "-o", str(file), f"::{name}")
-        if done.returncode or self.read(name) != content:
-            why = done.stderr.decode(errors="replace").strip() or "what is read back is something else"
-            raise ImageRefused(f"{name} could not be written to the image's FAT partition: {why}")
+            process = self._run("mcopy", "-o", str(file), f"::{name}")
+        if process.returncode or self.read(name) != content:
+            why = process.stderr.decode(errors="replace").strip() or "what is read back is something else"
+            raise ImageError(f"{name} could not be written to the image's FAT partition: {why}")
 
     def _run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
@@ -440,14 +442,14 @@ _BOOT_FILES = ("cmdline.txt", "boot.ini")
 
 def look(root: Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
     """What the planner needs to know of an image. Raises ImageRefused where a link stands in the place of a file."""
-    root.hold_no_link((*READ, *LISTED))
+    root.hold_no_link((*READ, *LISTED_FOLDERS))
     files = {path: data.decode(errors="surrogateescape") for path in READ if (data := root.read(path)) is not None}
     present = frozenset(path for path in paths_to_check(request) if root.exists(path))
     words = {path: root.read(path) for path in BOOT_WORDS}
     if boot is not None:
         words |= {f"{name} on the FAT partition": boot.read(name) for name in _BOOT_FILES}
     values = {place: data.decode(errors="replace") for place, data in words.items() if data is not None}
-    return ImageFacts(files, present, {path: root.names(path) for path in LISTED}, values)
+    return ImageFacts(files, present, {path: root.names(path) for path in LISTED_FOLDERS}, values)
 
 
 def customise(image: Path, layout: DiskLayout, request: ImageRequest) -> tuple[str, ...]:
@@ -457,9 +459,9 @@ def customise(image: Path, layout: DiskLayout, request: ImageRequest) -> tuple[s
     root = Ext4(image, places.root)
     root.recover()
     root.hold_editable()
-    seen = look(root, request, boot)
-    root.apply(plan(seen, request))
+    facts = look(root, request, boot)
+    root.apply(plan(facts, request))
     if boot is not None:
         text = f"This card was made for {request.host} of site {request.site}\r\nfrom {request.source}\r\n"
         boot.write(NOTE, text.encode())
-    return notes(seen, request)
+    return notes(facts, request)

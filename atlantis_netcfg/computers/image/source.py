@@ -22,7 +22,7 @@ from enum import Enum, auto
 from typing import IO, TYPE_CHECKING, cast
 from xml.etree import ElementTree as ET
 
-from atlantis_netcfg.computers.image.facts import ImageRefused
+from atlantis_netcfg.computers.image.facts import ImageError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -62,15 +62,15 @@ def beside(image: Path) -> Path | None:
 def read(path: Path) -> Bmap:
     """Read a map. Raises ImageRefused where it is damaged or not understood."""
     if path.stat().st_size > _MOST:
-        raise ImageRefused(f"{path}: too large for a block map", hint=_HINT)
+        raise ImageError(f"{path}: too large for a block map", hint=_HINT)
     text = path.read_bytes()
     try:
-        return _understood(text)
+        return _parse_bmap(text)
     except (ValueError, ET.ParseError) as error:
-        raise ImageRefused(f"{path}: damaged or no block map: {error}", hint=_HINT) from error
+        raise ImageError(f"{path}: damaged or no block map: {error}", hint=_HINT) from error
 
 
-def _understood(text: bytes) -> Bmap:
+def _parse_bmap(text: bytes) -> Bmap:
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise ValueError("it declares entities")
     root = ET.fromstring(text)  # noqa: S314 - bounded in size, and entities are refused above
@@ -102,7 +102,7 @@ def _range(element: ET.Element, block: int, size: int) -> MappedRange:
 _PIECE = 64 * 2**10
 """Bytes that become a hole of the working copy where they are all zero."""
 _CHUNK = 2**20
-_PADDED = 4096
+_PADDING = 4096
 """The working copy ends with a whole block, so that devices of any sector size can be written from it."""
 _ZEROS = bytes(_PIECE)
 _OTHERS = ((b"\x28\xb5\x2f\xfd", "zstd", "zstd -d"), (b"PK\x03\x04", "zip", "unzip"), (b"BZh", "bzip2", "bunzip2"))
@@ -117,7 +117,7 @@ class Checksum:
 
 
 @dataclass(frozen=True, slots=True)
-class Expanded:
+class UnpackedImage:
     """A working copy of an image."""
 
     path: Path
@@ -127,24 +127,24 @@ class Expanded:
     """Of the vendor's file, as it was read."""
     told_by: str
     """Who confirmed that; empty: nobody."""
-    mapped: tuple[tuple[int, int], ...] | None
+    spans: tuple[tuple[int, int], ...] | None
     """Spans that matter, by a block map; None: all of it."""
 
 
-def checksum(image: Path, typed: str | None = None) -> Checksum | None:
+def checksum(image: Path, sum_text: str | None = None) -> Checksum | None:
     """The checksum that was typed, or that lies beside the image; None where there is none. Raises ImageRefused."""
-    if typed is not None:
-        if not re.fullmatch(r"[0-9a-fA-F]{64}", typed):
-            raise ImageRefused(f"`{typed}` is no SHA-256: that has 64 hex digits", hint=f"sha256sum {image}")
-        return Checksum(typed.lower(), "sha256=")
+    if sum_text is not None:
+        if not re.fullmatch(r"[0-9a-fA-F]{64}", sum_text):
+            raise ImageError(f"`{sum_text}` is no SHA-256: that has 64 hex digits", hint=f"sha256sum {image}")
+        return Checksum(sum_text.lower(), "sha256=")
     for name in (f"{image.name}.sha256", f"{image.name}.sha256sum", "SHA256SUMS", "sha256sums.txt"):
-        listed = image.with_name(name)
-        if listed.is_file() and (found := _listed(listed, image.name)):
-            return Checksum(found, name)
+        sum_file = image.with_name(name)
+        if sum_file.is_file() and (digest := _read_sum(sum_file, image.name)):
+            return Checksum(digest, name)
     return None
 
 
-def _listed(path: Path, name: str) -> str | None:
+def _read_sum(path: Path, name: str) -> str | None:
     """The sum of a file in the format of `sha256sum`; a file of its own may hold the bare sum."""
     for line in path.read_text(errors="replace").splitlines():
         match = re.fullmatch(r"([0-9a-fA-F]{64})(?:[ *]+(\S.*))?", line.strip())
@@ -153,31 +153,31 @@ def _listed(path: Path, name: str) -> str | None:
     return None
 
 
-def expand(image: Path, copy: Path, desired: Checksum | None, tell: Callable[[int, int], None]) -> Expanded:
+def expand(image: Path, copy: Path, expected_sum: Checksum | None, tell: Callable[[int, int], None]) -> UnpackedImage:
     """Make the working copy; `tell` hears the bytes read, and of how many. Raises ImageRefused."""
     try:
         with image.open("rb") as file, copy.open("xb") as out:
             copy.chmod(0o600)
-            hashed = _Hashed(file, image.stat().st_size, tell)
-            written = _Sparse(out, _map_of(image))
-            _pour(image, hashed, written)
-            hashed.drain()
-            size = written.finish(image)
+            reader = _HashingReader(file, image.stat().st_size, tell)
+            writer = _Sparse(out, _map_of(image))
+            _pour(image, reader, writer)
+            reader.drain()
+            size = writer.finish(image)
     except OSError as error:
-        raise ImageRefused(
+        raise ImageError(
             f"{image} cannot be unpacked to {copy.parent}: {error.strerror or error}",
             hint="the unpacked image needs room there; TMPDIR=/some/directory provision … uses another place",
         ) from error
-    if desired is not None and hashed.hexdigest() != desired.sha256:
-        raise ImageRefused(
-            f"{image}: its SHA-256 is {hashed.hexdigest()}, and {desired.told_by} says {desired.sha256}",
+    if expected_sum is not None and reader.hexdigest() != expected_sum.sha256:
+        raise ImageError(
+            f"{image}: its SHA-256 is {reader.hexdigest()}, and {expected_sum.told_by} says {expected_sum.sha256}",
             hint="the file is damaged, or another one: fetch it again",
         )
-    told_by = desired.told_by if desired else ""
-    return Expanded(copy, size, hashed.hexdigest(), told_by, written.mapped)
+    told_by = expected_sum.told_by if expected_sum else ""
+    return UnpackedImage(copy, size, reader.hexdigest(), told_by, writer.spans)
 
 
-class _Hashed(io.RawIOBase):
+class _HashingReader(io.RawIOBase):
     """The vendor's file, hashed and counted as it is read."""
 
     def __init__(self, file: IO[bytes], size: int, tell: Callable[[int, int], None]) -> None:
@@ -210,23 +210,23 @@ class _Hashed(io.RawIOBase):
         return self._sha256.hexdigest()
 
 
-def _pour(image: Path, hashed: _Hashed, out: _Sparse) -> None:
+def _pour(image: Path, reader: _HashingReader, out: _Sparse) -> None:
     for magic, name, tool in _OTHERS:
-        if hashed.start.startswith(magic):
-            raise ImageRefused(f"{image} is packed by {name}", hint=f"unpack it first: {tool} {image.name}")
-    buffered = io.BufferedReader(hashed, _CHUNK)
-    plain: IO[bytes] = buffered
-    if hashed.start.startswith(b"\xfd7zXZ\x00"):
-        plain = cast("IO[bytes]", lzma.LZMAFile(buffered))  # noqa: SIM115 - the buffer is not ours to close
-    elif hashed.start.startswith(b"\x1f\x8b"):
-        plain = cast("IO[bytes]", gzip.GzipFile(fileobj=buffered))
+        if reader.start.startswith(magic):
+            raise ImageError(f"{image} is packed by {name}", hint=f"unpack it first: {tool} {image.name}")
+    buffer = io.BufferedReader(reader, _CHUNK)
+    plain: IO[bytes] = buffer
+    if reader.start.startswith(b"\xfd7zXZ\x00"):
+        plain = cast("IO[bytes]", lzma.LZMAFile(buffer))  # noqa: SIM115 - the buffer is not ours to close
+    elif reader.start.startswith(b"\x1f\x8b"):
+        plain = cast("IO[bytes]", gzip.GzipFile(fileobj=buffer))
     try:
         while chunk := plain.read(_CHUNK):
             out.write(chunk)
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
-        raise ImageRefused(f"{image} is damaged or was not fetched whole: {error}", hint="fetch it again") from error
+        raise ImageError(f"{image} is damaged or was not fetched whole: {error}", hint="fetch it again") from error
     finally:
-        while buffered.read(_CHUNK):  # what was read ahead is in the checksum already
+        while buffer.read(_CHUNK):  # what was read ahead is in the checksum already
             pass
 
 
@@ -238,15 +238,15 @@ def _map_of(image: Path) -> Bmap | None:
 class _Sparse:
     """The working copy: zeros, and what a block map leaves out, become holes."""
 
-    def __init__(self, file: IO[bytes], known: Bmap | None) -> None:
+    def __init__(self, file: IO[bytes], block_map: Bmap | None) -> None:
         self._file = file
-        self._map = known
+        self._map = block_map
         self._at = 0
-        self._rest = list(known.ranges) if known else []
-        self._digest = hashlib.new(known.algorithm) if known else None
+        self._rest = list(block_map.ranges) if block_map else []
+        self._digest = hashlib.new(block_map.algorithm) if block_map else None
 
     @property
-    def mapped(self) -> tuple[tuple[int, int], ...] | None:
+    def spans(self) -> tuple[tuple[int, int], ...] | None:
         """Spans that matter; None: all."""
         return None if self._map is None else tuple((each.start, each.end) for each in self._map.ranges)
 
@@ -283,7 +283,7 @@ class _Sparse:
         if self._map is None or self._digest is None:
             return
         if mapped_range.digest and self._digest.hexdigest() != mapped_range.digest:
-            raise ImageRefused(
+            raise ImageError(
                 f"bytes {mapped_range.start} to {mapped_range.end} of the image are not those of its block map",
                 hint="the image or its .bmap file is damaged: fetch both again",
             )
@@ -292,11 +292,11 @@ class _Sparse:
     def finish(self, image: Path) -> int:
         """Give the copy its whole length; return the image's."""
         if self._map is not None and self._map.size != self._at:
-            raise ImageRefused(
+            raise ImageError(
                 f"{image} has {self._at} bytes, and its block map speaks of {self._map.size}",
                 hint="the image is not whole, or the .bmap file belongs to another one",
             )
-        self._file.truncate(-(-self._at // _PADDED) * _PADDED)
+        self._file.truncate(-(-self._at // _PADDING) * _PADDING)
         return self._at
 
 
@@ -327,17 +327,17 @@ class Segment:
         return self.end - self.start
 
 
-def segments(image: Path, size: int, mapped: Iterable[Span] | None = None) -> tuple[Segment, ...]:
+def segments(image: Path, size: int, spans: Iterable[Span] | None = None) -> tuple[Segment, ...]:
     """The segments of a sparse image file, in order, apart from each other.
 
-    A hole of the file is zeros. With `mapped` (of a bmap file) a hole outside of it does not matter and has no segment;
+    A hole of the file is zeros. With `spans` (of a bmap file) a hole outside of it does not matter and has no segment;
     what was written there since, by customising, is data nevertheless. Where a file system knows no holes, all is data.
     """
-    data = _joined(_data(image, size), size)
-    desired = [(0, size)] if mapped is None else _joined([*mapped, *data], size)
-    found = [Segment(start, end, SourceKind.DATA) for start, end in data]
-    found += [Segment(start, end, SourceKind.ZERO) for start, end in _without(desired, data)]
-    return tuple(sorted(found, key=lambda each: each.start))
+    data = _merge_spans(_data(image, size), size)
+    relevant_spans = [(0, size)] if spans is None else _merge_spans([*spans, *data], size)
+    result = [Segment(start, end, SourceKind.DATA) for start, end in data]
+    result += [Segment(start, end, SourceKind.ZERO) for start, end in _without(relevant_spans, data)]
+    return tuple(sorted(result, key=lambda each: each.start))
 
 
 def _data(image: Path, size: int) -> Iterator[Span]:
@@ -357,7 +357,7 @@ def _data(image: Path, size: int) -> Iterator[Span]:
         os.close(descriptor)
 
 
-def _joined(spans: Iterable[Span], size: int) -> list[Span]:
+def _merge_spans(spans: Iterable[Span], size: int) -> list[Span]:
     """Widened to whole blocks of 4 KiB (the end of the image excepted), sorted, and joined where they touch."""
     result: list[Span] = []
     for start, end in sorted(spans):
@@ -369,9 +369,9 @@ def _joined(spans: Iterable[Span], size: int) -> list[Span]:
     return result
 
 
-def _without(spans: Iterable[Span], taken: Iterable[Span]) -> Iterator[Span]:
+def _without(spans: Iterable[Span], excluded_spans: Iterable[Span]) -> Iterator[Span]:
     """What is left of the spans; both are sorted and joined."""
-    rest = list(taken)
+    rest = list(excluded_spans)
     for start, end in spans:
         at = start
         for first, last in rest:

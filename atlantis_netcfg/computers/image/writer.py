@@ -23,7 +23,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.image.blocks import BlockDevice, BlockTree, same
-from atlantis_netcfg.computers.image.facts import CardUnfinished, DeviceRefused
+from atlantis_netcfg.computers.image.facts import BlockDeviceError, CardWriteError
 from atlantis_netcfg.computers.image.source import Segment, SourceKind
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Progress:
     """Where a step is."""
 
     step: WriterStep
-    done: int
+    done_bytes: int
     total: int
     """Bytes."""
     elapsed_s: float
@@ -53,19 +53,19 @@ class Progress:
     @property
     def rate_bps(self) -> float:
         """Bytes a second since the step began; 0 while no time has passed."""
-        return self.done / self.elapsed_s if self.elapsed_s > 0 else 0.0
+        return self.done_bytes / self.elapsed_s if self.elapsed_s > 0 else 0.0
 
     @property
     def left_s(self) -> float | None:
         """Seconds to the end at this speed; None while there is no speed."""
-        return (self.total - self.done) / self.rate_bps if self.rate_bps > 0 else None
+        return (self.total - self.done_bytes) / self.rate_bps if self.rate_bps > 0 else None
 
     @property
     def words(self) -> str:
         """For people."""
-        share = 100 * self.done // self.total if self.total else 100
-        left = "" if self.left_s is None else f", {self.left_s:.0f} s left"
-        return f"{self.step} {share} % of {self.total / 1e6:.0f} MB, {self.rate_bps / 1e6:.1f} MB/s{left}"
+        share = 100 * self.done_bytes // self.total if self.total else 100
+        remaining_text = "" if self.left_s is None else f", {self.left_s:.0f} s left"
+        return f"{self.step} {share} % of {self.total / 1e6:.0f} MB, {self.rate_bps / 1e6:.1f} MB/s{remaining_text}"
 
 
 class WriteMeter:
@@ -86,15 +86,15 @@ class WriteMeter:
         self._began = self._reported = clock()
         self._ended = False
 
-    def __call__(self, done: int, total: int) -> None:
+    def __call__(self, done_bytes: int, total: int) -> None:
         """So many of so many bytes are done."""
         at = self._clock()
         if self._ended:
             return
-        self._ended = done >= total
+        self._ended = done_bytes >= total
         if self._ended or at - self._reported >= self._every_s:
             self._reported = at
-            self._tell(Progress(self._step, done, total, at - self._began))
+            self._tell(Progress(self._step, done_bytes, total, at - self._began))
 
 
 _HEAD = 2**20
@@ -125,27 +125,27 @@ class Card:
     """The disk that a person was shown, and the path to it."""
 
     device: Path
-    shown: BlockDevice
+    disk: BlockDevice
     tree: BlockTree
 
-    def still(self, needed: int) -> None:
+    def still(self, image_size: int) -> None:
         """Hold that it is the same, and may be written. Raises DeviceRefused."""
-        same(self.tree, self.device, self.shown, needed)
+        same(self.tree, self.device, self.disk, image_size)
 
 
 def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> WrittenCard:
     """Write the segments of a working copy. Raises DeviceRefused before the first byte, CardUnfinished after it."""
-    needed = max((part.end for part in parts), default=0)
-    card.still(needed)
-    opened = _open(card.device)
+    image_size = max((part.end for part in parts), default=0)
+    card.still(image_size)
+    card_fd = _open(card.device)
     source = os.open(copy, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        _hold(opened, card.device, card.shown)
-        card.still(needed)
-        return _Job(opened, source, parts, tell).run()
+        _hold(card_fd, card.device, card.disk)
+        card.still(image_size)
+        return _Job(card_fd, source, parts, tell).run()
     finally:
         os.close(source)
-        os.close(opened)
+        os.close(card_fd)
 
 
 def _open(device: Path) -> int:
@@ -153,23 +153,23 @@ def _open(device: Path) -> int:
         return os.open(device, os.O_RDWR | os.O_EXCL | os.O_DIRECT | os.O_CLOEXEC)
     except OSError as error:
         if error.errno == errno.EBUSY:
-            raise DeviceRefused(
+            raise BlockDeviceError(
                 f"{device} is in use by this computer, and nothing was written",
                 hint="unmount it; another program may be writing to it",
             ) from error
         why = "only root may write to it" if error.errno in {errno.EACCES, errno.EPERM} else error.strerror
-        raise DeviceRefused(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
+        raise BlockDeviceError(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
 
 
-def _hold(card: int, device: Path, shown: BlockDevice) -> None:
+def _hold(card: int, device: Path, disk: BlockDevice) -> None:
     """What was opened is what was shown: a path may lead elsewhere by the time that it is opened."""
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
-    if not stat.S_ISBLK(status.st_mode) or number != shown.number:
-        raise DeviceRefused(f"{device} has changed since it was shown, and nothing was written")
+    if not stat.S_ISBLK(status.st_mode) or number != disk.number:
+        raise BlockDeviceError(f"{device} has changed since it was shown, and nothing was written")
     (size,) = struct.unpack("Q", fcntl.ioctl(card, _BLKGETSIZE64, bytes(8)))
-    if size != shown.size:
-        raise DeviceRefused(f"{device} has {size} bytes, not the {shown.size} that were shown; nothing was written")
+    if size != disk.size:
+        raise BlockDeviceError(f"{device} has {size} bytes, not the {disk.size} that were shown; nothing was written")
 
 
 class _Differs(Exception):
@@ -199,11 +199,11 @@ class _Job:
             self._compare(self._body)
             self._finish()
         except (OSError, KeyboardInterrupt, _Differs) as error:
-            raise self._unfinished(error) from error
-        skipped = self._total - self._data - self._cleared
-        return WrittenCard(self._data, self._cleared, skipped, self._compared, time.monotonic() - began)
+            raise self._write_error(error) from error
+        skipped_bytes = self._total - self._data - self._cleared
+        return WrittenCard(self._data, self._cleared, skipped_bytes, self._compared, time.monotonic() - began)
 
-    def _unfinished(self, error: BaseException) -> CardUnfinished:
+    def _write_error(self, error: BaseException) -> CardWriteError:
         """Whatever has happened, and wherever: see to it that the card does not boot, and say whether that is so."""
         why = str(error)
         if isinstance(error, KeyboardInterrupt):
@@ -217,7 +217,7 @@ class _Job:
             now = "Its first block could not be cleared either: do not use this card"
         else:
             now = "Its first block is empty, so it does not boot"
-        return CardUnfinished(
+        return CardWriteError(
             f"the card was not finished: {why}. {now}",
             hint="type the same again; if it fails at the same place, take another card",
         )
@@ -225,7 +225,7 @@ class _Job:
     def _clear(self) -> None:
         """Make zeros of what must be zero. A card that is zero already is only read, which is quicker than writing."""
         zeros = [part for part in self._body if part.kind is SourceKind.ZERO]
-        meter, done, total = WriteMeter(WriterStep.CLEARING, self._tell), 0, sum(part.size for part in zeros)
+        meter, done_bytes, total = WriteMeter(WriterStep.CLEARING, self._tell), 0, sum(part.size for part in zeros)
         for part in zeros:
             dirty = False
             for at, size in _chunks(part):
@@ -233,29 +233,29 @@ class _Job:
                 if dirty:
                     self._put(at, size, zero=True)
                     self._cleared += size
-                done += size
-                meter(done, total)
+                done_bytes += size
+                meter(done_bytes, total)
 
     def _copy(self) -> None:
         data = [part for part in self._body if part.kind is SourceKind.DATA]
-        meter, done, total = WriteMeter(WriterStep.WRITING, self._tell), 0, sum(part.size for part in data)
+        meter, done_bytes, total = WriteMeter(WriterStep.WRITING, self._tell), 0, sum(part.size for part in data)
         for part in data:
             for at, size in _chunks(part):
                 self._put(at, size)
-                done += size
-                meter(done, total)
-        self._data += done
+                done_bytes += size
+                meter(done_bytes, total)
+        self._data += done_bytes
 
     def _compare(self, parts: Sequence[Segment]) -> None:
-        meter, done, total = WriteMeter(WriterStep.COMPARING, self._tell), 0, sum(part.size for part in parts)
+        meter, done_bytes, total = WriteMeter(WriterStep.COMPARING, self._tell), 0, sum(part.size for part in parts)
         for part in parts:
             for at, size in _chunks(part):
-                desired = _zeros(size) if part.kind is SourceKind.ZERO else self._expected(at, size)
-                if self._read(at, size) != desired:
+                expected_data = _zeros(size) if part.kind is SourceKind.ZERO else self._source_data(at, size)
+                if self._read(at, size) != expected_data:
                     raise _Differs(f"bytes {at} to {at + size} read back from it are not those that were written")
-                done += size
-                meter(done, total)
-        self._compared += done
+                done_bytes += size
+                meter(done_bytes, total)
+        self._compared += done_bytes
 
     def _finish(self) -> None:
         """The first MiB, its beginning last."""
@@ -269,13 +269,13 @@ class _Job:
         self._compare([Segment(0, self._head, SourceKind.DATA)])
 
     def _put(self, at: int, size: int, *, zero: bool = False) -> None:
-        self._ours[:size] = _zeros(size) if zero else self._expected(at, size)
+        self._ours[:size] = _zeros(size) if zero else self._source_data(at, size)
         with memoryview(self._ours) as view:
-            done = 0
-            while done < size:
-                done += os.pwrite(self._card, view[done:size], at + done)
+            offset = 0
+            while offset < size:
+                offset += os.pwrite(self._card, view[offset:size], at + offset)
 
-    def _expected(self, at: int, size: int) -> bytes:
+    def _source_data(self, at: int, size: int) -> bytes:
         data = os.pread(self._source, size, at)
         os.posix_fadvise(self._source, at + size, _CHUNK, os.POSIX_FADV_WILLNEED)
         if len(data) != size:
@@ -284,12 +284,12 @@ class _Job:
 
     def _read(self, at: int, size: int) -> bytes:
         with memoryview(self._theirs) as view:
-            done = 0
-            while done < size:
-                got = os.preadv(self._card, [view[done:size]], at + done)
+            offset = 0
+            while offset < size:
+                got = os.preadv(self._card, [view[offset:size]], at + offset)
                 if not got:
-                    raise _Differs(f"the card ends at byte {at + done}")
-                done += got
+                    raise _Differs(f"the card ends at byte {at + offset}")
+                offset += got
         return self._theirs[:size]
 
 

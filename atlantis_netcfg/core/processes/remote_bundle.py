@@ -45,22 +45,22 @@ class Tool:
         return hashlib.sha256(self.content).hexdigest()
 
     @cached_property
-    def packed(self) -> bytes:
+    def payload(self) -> bytes:
         """As it goes over the link. For these texts bzip2 is smaller than xz and deflate, and every Python has it."""
         return bz2.compress(self.content)
 
 
 def build(plugins: Path = _PLUGINS) -> Tool:
     """Make the tool of the modules as they are now; about 20 ms."""
-    return _packed(_files(plugins))
+    return _pack(_files(plugins))
 
 
 def build_live(plugins: Path = _PLUGINS) -> Tool:
     """Make the tool of the VPN's server: what serves there, and what that imports."""
-    return _packed(_live_files(plugins))
+    return _pack(_live_files(plugins))
 
 
-def _packed(files: Iterable[tuple[str, str]]) -> Tool:
+def _pack(files: Iterable[tuple[str, str]]) -> Tool:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
         for name, text in sorted(files):
@@ -80,29 +80,29 @@ def _files(plugins: Path) -> Iterator[tuple[str, str]]:
         if not path.name.startswith(_LIVE):
             yield f"atlantis/module_utils/{path.name}", path.read_text(encoding="utf-8")
     for path in plugins.glob("modules/*.py"):
-        yield f"atlantis/modules/{path.name}", _undocumented(path.read_text(encoding="utf-8"))
+        yield f"atlantis/modules/{path.name}", _strip_documentation(path.read_text(encoding="utf-8"))
 
 
 def _live_files(plugins: Path) -> Iterator[tuple[str, str]]:
     yield "__main__.py", (_BOARD / "live.py").read_text(encoding="utf-8")
     for package in ("atlantis", "atlantis/module_utils"):
         yield f"{package}/__init__.py", ""
-    needed, read = [_SERVES], set[str]()
-    while needed:
-        if (name := needed.pop()) not in read:
+    pending_names, read = [_SERVES], set[str]()
+    while pending_names:
+        if (name := pending_names.pop()) not in read:
             text = (plugins / "module_utils" / f"{name}.py").read_text(encoding="utf-8")
             yield f"atlantis/module_utils/{name}.py", text
             read.add(name)
-            needed += _imported(text)
+            pending_names += _imported_names(text)
 
 
-def _imported(text: str) -> Iterator[str]:
+def _imported_names(text: str) -> Iterator[str]:
     """Files beside this one that it imports, in `from .name import …` and `from . import name, …`."""
     for module, names in _IMPORT.findall(text):
         yield from [module] if module else (name.strip() for name in names.split(","))
 
 
-def _undocumented(text: str) -> str:
+def _strip_documentation(text: str) -> str:
     """Leave out what is for `ansible-doc` alone."""
     lines = text.splitlines(keepends=True)
     for statement in reversed(ast.parse(text).body):

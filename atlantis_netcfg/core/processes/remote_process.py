@@ -18,7 +18,7 @@ _MOST = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class ProcessEnded:
+class ProcessResult:
     """How a process ended."""
 
     rc: int
@@ -27,7 +27,7 @@ class ProcessEnded:
     overdue: bool
 
 
-def unheeded(_line: bytes) -> None:
+def ignore_line(_line: bytes) -> None:
     """What is done with a line that nobody waits for."""
 
 
@@ -36,33 +36,33 @@ class Carrier:
     """Feeds one process, and tells each line of its standard output as it comes."""
 
     feed: bytes = b""
-    line: Callable[[bytes], None] = unheeded
+    line: Callable[[bytes], None] = ignore_line
     limit_s: float | None = None
     """The process is killed then."""
-    _stopped: bool = False
+    _is_stopped: bool = False
     _process: subprocess.Popen[bytes] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def run(self, argv: Sequence[str]) -> ProcessEnded:
+    def run(self, argv: Sequence[str]) -> ProcessResult:
         """Run it to its end. OSError if there is no such program."""
         overdue = threading.Event()
-        with tempfile.TemporaryFile() as errors, self._started(argv, errors) as process, self._watched(overdue):
+        with tempfile.TemporaryFile() as errors, self._start(argv, errors) as process, self._watch(overdue):
             out = self._through(process)
             process.wait()
             errors.seek(0)
-            return ProcessEnded(process.returncode, out, errors.read(_MOST), overdue.is_set())
+            return ProcessResult(process.returncode, out, errors.read(_MOST), overdue.is_set())
 
-    def _started(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
+    def _start(self, argv: Sequence[str], errors: IO[bytes]) -> subprocess.Popen[bytes]:
         pipe = subprocess.PIPE
         with self._lock:
             # A list and no shell: the words are of the declaration, quoted for the computer that they go to.
             self._process = subprocess.Popen(argv, stdin=pipe, stdout=pipe, stderr=errors)  # noqa: S603 - see above
-            if self._stopped:
+            if self._is_stopped:
                 self._process.kill()
         return self._process
 
     @contextmanager
-    def _watched(self, overdue: threading.Event) -> Iterator[None]:
+    def _watch(self, overdue: threading.Event) -> Iterator[None]:
         clock = None if self.limit_s is None else threading.Timer(self.limit_s, self._late, [overdue])
         if clock is not None:
             clock.start()
@@ -75,7 +75,7 @@ class Carrier:
 
     def stop(self) -> None:
         """End the process, if it runs."""
-        self._stopped = True
+        self._is_stopped = True
         with self._lock:
             if self._process is not None:
                 self._process.kill()

@@ -101,7 +101,7 @@ class EvologicsSpec(LineSpec):
 
     def values(self) -> dict[str, str]:
         """Answers of one line, by their query."""
-        known = {
+        responses = {
             "AT?S": f"{self.state} 16384" if self.state == "INITIATION LISTEN" else self.state,
             "AT?E": str(self.rssi_db),
             "AT?I": str(self.integrity),
@@ -120,7 +120,7 @@ class EvologicsSpec(LineSpec):
             "ATI1": self.phy,
             "ATI7": self.maker,
         }
-        return known if self.battery_v is None else {**known, "AT?BV": str(self.battery_v)}
+        return responses if self.battery_v is None else {**responses, "AT?BV": str(self.battery_v)}
 
     def fix(self, remote: int, clock_s: float) -> bytes:
         """One notification of a fix, framed or bare; `clock_s`: what the modem's clock shows."""
@@ -153,8 +153,8 @@ class _EvologicsTalk:
 
     def hear(self, waiting: bytes) -> tuple[list[bytes], bytes]:
         answers: list[bytes] = []
-        while (taken := self._command(waiting)) is not None:
-            command, waiting = taken
+        while (pair := self._command(waiting)) is not None:
+            command, waiting = pair
             answers.append(b"".join(self.spec.before) + self._answer(command))
         return answers, waiting
 
@@ -168,10 +168,10 @@ class _EvologicsTalk:
         return (line, rest) if newline else None
 
     def _answer(self, line: bytes) -> bytes:
-        self.modem.heard.append(line)
+        self.modem.inputs.append(line)
         command = line.removeprefix(b"+++")
         if send := _SEND.match(line):
-            return self._sent(int(send[3]), line[send.end() :])
+            return self._send(int(send[3]), line[send.end() :])
         if not line.startswith(b"+++") or not _READS.fullmatch(command):
             # Without `+++` it is data for the connection: the modem would transmit it.
             self.modem.forbidden.append(line)
@@ -183,13 +183,13 @@ class _EvologicsTalk:
             return b"BUSY EXAMPLE"
         if query == "AT&V":
             return self.spec.listing()
-        known = self.spec.values()
-        return known[query].encode() if query in known else b"ERROR WRONG QUERY"
+        responses = self.spec.values()
+        return responses[query].encode() if query in responses else b"ERROR WRONG QUERY"
 
     def _say(self, command: str, body: bytes) -> bytes:
         return body + b"\r\n" if self.spec.bare else _frame(command, body)
 
-    def _sent(self, to: int, text: bytes) -> bytes:
+    def _send(self, to: int, text: bytes) -> bytes:
         self.modem.transmitted.append((to, text))
         if not self.spec.in_water:
             self.modem.transmitted_in_air.append((to, text))
@@ -215,7 +215,7 @@ class RunningEvologics(ModemLine):
     def __init__(self, spec: EvologicsSpec) -> None:
         super().__init__(spec)
         self.spec = spec
-        self.heard: list[bytes] = []
+        self.inputs: list[bytes] = []
         """Every command that came."""
         self.forbidden: list[bytes] = []
         """Those that do anything but read; a message is none of them."""

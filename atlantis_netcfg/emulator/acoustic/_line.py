@@ -25,7 +25,7 @@ class LineSpec(BaseModel):
     """A pseudo-terminal (`path`) in place of a TCP port."""
     refuses: bool = False
     """Nothing listens on the port."""
-    held: bool = False
+    is_occupied: bool = False
     """The vehicle has the only seat: whoever connects is hung up on at once."""
     seats: int | None = Field(default=1, ge=1)
     """Clients that are served at a time (`listen-single`); None: any number (`listen-respawn`)."""
@@ -55,7 +55,7 @@ class Talker(Protocol):
 
 class _LineClient:
     def __init__(self, talker: Talker, sock: socket.socket | None) -> None:
-        self.talker, self.sock, self.waiting, self.said = talker, sock, b"", 0
+        self.talker, self.sock, self.waiting, self.message_count = talker, sock, b"", 0
         self.since: float | None = None if sock is None else time.monotonic()
         """When it came; nobody can tell who sits at a serial port before it has said something."""
 
@@ -139,7 +139,7 @@ class ModemLine:
         except OSError:
             return
         self.met += 1
-        if self._line.held or (self._line.seats is not None and len(self._clients) >= self._line.seats):
+        if self._line.is_occupied or (self._line.seats is not None and len(self._clients) >= self._line.seats):
             sock.close()
             return
         # Who does not read is hung up on: a twin waits for nobody.
@@ -158,7 +158,7 @@ class ModemLine:
             except OSError:
                 data = b""
             if not data:
-                self._gone(handle)
+                self._drop_client(handle)
                 return
             self._hear(handle, data)
 
@@ -167,12 +167,12 @@ class ModemLine:
         client.since = client.since or time.monotonic()
         answers, client.waiting = client.talker.hear(client.waiting + data)
         for answer in answers:
-            client.said += 1
-            mute = self._line.mute_after is not None and client.said > self._line.mute_after
+            client.message_count += 1
+            mute = self._line.mute_after is not None and client.message_count > self._line.mute_after
             if not self._line.silent and not mute and handle in self._clients:
                 self._write(handle, answer if self._line.noise is None else self._line.noise)
 
-    def _gone(self, handle: int) -> None:
+    def _drop_client(self, handle: int) -> None:
         if self._clients[handle].sock is not None:
             self._hang_up(handle)
             return
@@ -202,7 +202,7 @@ class ModemLine:
                 if self._line.piecewise and self._line.byte_s:
                     time.sleep(self._line.byte_s)
         except OSError:
-            self._gone(handle)
+            self._drop_client(handle)
 
     def _hang_up(self, handle: int) -> None:
         client = self._clients.pop(handle, None)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _READS = (0x01, 0x02, 0x10, 0x11, 0x15, 0x21, 0x3A)
-_PING, _PINGED, _FAILED, _NAVIGATED = 0x40, 0x42, 0x43, 0x52
+_PING, _PING_RESPONSE, _PING_ERROR, _NAV_RESPONSE = 0x40, 0x42, 0x43, 0x52
 _OK, _BUSY, _TIMEOUT, _IDLE = 0x00, 0x30, 0x34, 0x3B
 _NUMBERS = range(1, 16)
 
@@ -93,7 +93,7 @@ class SeatracSpec(LineSpec):
 
     def records(self) -> Mapping[int, bytes]:
         """Answers to reading commands, without number and sum."""
-        known = {
+        all_records = {
             0x01: struct.pack("<I", 123456),
             0x02: self._info(),
             0x10: self._status(),
@@ -102,7 +102,7 @@ class SeatracSpec(LineSpec):
             0x21: bytes(50),
             0x3A: bytes([self.state]),
         }
-        return {number: record for number, record in known.items() if number not in self.missing}
+        return {number: record for number, record in all_records.items() if number not in self.missing}
 
     def _info(self) -> bytes:
         hardware = struct.pack("<HBIHH", self.part, 1, self.serial_number, 0, 0)
@@ -152,35 +152,39 @@ class _Talk:
         return [answer for line in lines if line for answer in self._answers(line)], rest
 
     def _answers(self, line: bytes) -> list[bytes]:
-        self.beacon.heard.append(line)
+        self.beacon.inputs.append(line)
         payload = _payload(line)
         if payload is None:
             # As on the wire: what is damaged is not answered.
             self.beacon.damaged.append(line)
             return []
         if payload[0] == _PING and len(payload) == 3 and payload[1] in _NUMBERS:  # noqa: PLR2004 - number, beacon, kind
-            return self._pinged(payload[1])
+            return self._ping(payload[1])
         if payload[0] not in _READS or len(payload) > 1:
             self.beacon.forbidden.append(line)
             return []
         record = self.spec.records().get(payload[0])
         return [] if record is None else [self._frame(payload[0], record)]
 
-    def _pinged(self, remote: int) -> list[bytes]:
+    def _ping(self, remote: int) -> list[bytes]:
         if self.spec.busy:
             return [self._frame(_PING, bytes([_BUSY, remote]))]
         self.beacon.transmitted.append(remote)
         if not self.spec.in_water:
             self.beacon.transmitted_in_air.append(remote)
-        taken = self._frame(_PING, bytes([_OK, remote]))
+        acknowledgement = self._frame(_PING, bytes([_OK, remote]))
         if remote in self.spec.reaches:
-            return [taken, self._frame(_PINGED, self.spec.fix(remote, len(self.beacon.transmitted)))]
-        return [taken, self._frame(_FAILED, bytes([_TIMEOUT, remote]))]
+            return [acknowledgement, self._frame(_PING_RESPONSE, self.spec.fix(remote, len(self.beacon.transmitted)))]
+        return [acknowledgement, self._frame(_PING_ERROR, bytes([_TIMEOUT, remote]))]
 
     def _report(self, remote: int) -> bytes:
         record = self.spec.fix(remote, self.rounds)
         # Behind the fix of a NAV_QUERY: no further fields are asked for, and the answer is for this beacon.
-        return self._frame(_NAVIGATED, record + b"\x00\x01") if self.spec.navigates else self._frame(_PINGED, record)
+        return (
+            self._frame(_NAV_RESPONSE, record + b"\x00\x01")
+            if self.spec.navigates
+            else self._frame(_PING_RESPONSE, record)
+        )
 
     def _frame(self, number: int, record: bytes) -> bytes:
         payload = bytes([number]) + record
@@ -221,7 +225,7 @@ class RunningSeatrac(ModemLine):
     def __init__(self, spec: SeatracSpec) -> None:
         super().__init__(spec)
         self.spec = spec
-        self.heard: list[bytes] = []
+        self.inputs: list[bytes] = []
         """Every line that came."""
         self.damaged: list[bytes] = []
         """Those that are no command with a right sum."""

@@ -13,7 +13,7 @@ missing; what a machine cannot stand for is `NOT_REHEARSED`.
         gateway.power_cut()
 """
 
-from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineFailed
+from atlantis_netcfg.emulator.lab.hosts import NOT_REHEARSED, Machine, MachineError
 from atlantis_netcfg.emulator.lab.lab import OFF, Lab, missing_packages, open_lab, provide, why_not
 from atlantis_netcfg.emulator.lab.relay import RelayTraffic
 from atlantis_netcfg.emulator.lab.rootfs import TreeSpec, build_rootfs
@@ -23,7 +23,7 @@ __all__ = [
     "OFF",
     "Lab",
     "Machine",
-    "MachineFailed",
+    "MachineError",
     "RelayTraffic",
     "TreeSpec",
     "build_rootfs",

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.udp_link import LinkShape
 
 
-class MachineFailed(NetcfgError):
+class MachineError(NetcfgError):
     """A machine could not be built, started, or asked; nothing beyond this computer was touched."""
 
 
@@ -53,10 +53,10 @@ def output_of(
 
 def program(*words: str) -> str:
     """Run a program that has to succeed; give its output."""
-    done = output_of(words)
-    if done.returncode:
-        raise MachineFailed(f"{' '.join(words)}: {done.stderr.strip() or f'ended with {done.returncode}'}")
-    return done.stdout
+    result = output_of(words)
+    if result.returncode:
+        raise MachineError(f"{' '.join(words)}: {result.stderr.strip() or f'ended with {result.returncode}'}")
+    return result.stdout
 
 
 _PAUSE_S = 0.02
@@ -75,7 +75,7 @@ def wait(until: Callable[[], object], timeout_s: float, otherwise: Callable[[], 
     end = time.monotonic() + timeout_s
     while not until():
         if time.monotonic() > end:
-            raise MachineFailed(otherwise())
+            raise MachineError(otherwise())
         time.sleep(_PAUSE_S)
 
 
@@ -157,8 +157,8 @@ def entering(leader: int) -> tuple[str, ...]:
     status = Path("/proc", str(leader), "status").read_text(encoding="utf-8")
     mask = int(next(line.split()[1] for line in status.splitlines() if line.startswith("CapBnd:")), 16)
     current = ",".join(["-all", *(f"+cap_{number}" for number in range(mask.bit_length()) if mask >> number & 1)])
-    confined = ("setpriv", f"--bounding-set={current}", "--inh-caps=-all")
-    return (*confined, "nsenter", "--target", str(leader), "--all", "--")
+    confinement = ("setpriv", f"--bounding-set={current}", "--inh-caps=-all")
+    return (*confinement, "nsenter", "--target", str(leader), "--all", "--")
 
 
 def _same_program(item: int, other: int) -> bool:
@@ -234,8 +234,8 @@ class Disk:
         self.root = folder / "root"
         self._memory = folder / "disk"
         self._size = "50%" if size_mb is None else f"{size_mb * _MB}"
-        for made in (self.root, self._memory):
-            made.mkdir(parents=True)
+        for directory in (self.root, self._memory):
+            directory.mkdir(parents=True)
         program("mount", "-t", "tmpfs", "-o", f"size={self._size},mode=0755", "atlantis", str(self._memory))
         upper, work = self._memory / "upper", self._memory / "work"
         upper.mkdir()
@@ -326,16 +326,16 @@ class Machine:
         """Make the way through `port` such; what is left out is as good as can be. See `RelayWay`."""
         self._relay.set(RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
-    def power_on(self, *, configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
+    def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot it and wait for its sshd.
 
-        `configured`: its interface has the declared address and a default route, as if its own configuration had set
+        `is_configured`: its interface has the declared address and a default route, as if its own configuration had set
         them; False leaves that to the configuration on its disk. `wait_s`: None returns at once.
         """
         if self.runs:
-            raise MachineFailed(f"{self.name} runs already")
+            raise MachineError(f"{self.name} runs already")
         self._off()
-        self._plug(configured=configured)
+        self._plug(is_configured=is_configured)
         self._container = Container(self._unique, self.name, self._disk.root, self._log)
         if wait_s is not None:
             self.wait_until_up(wait_s)
@@ -353,11 +353,11 @@ class Machine:
         """Wait until its sshd answers and lets in who may log in; MachineFailed with its last words otherwise."""
         wait(lambda: not self.runs or self._greets(), timeout_s, lambda: self._output("does not answer SSH"))
         if not self.runs:
-            raise MachineFailed(self._output("ended while it booted"))
+            raise MachineError(self._output("ended while it booted"))
 
-    def state(self, *, settled: bool = False) -> str:
-        """What systemd says of itself: `running`, `degraded`, `starting`, …; `settled`: once the boot has ended."""
-        wait_words = ("--wait",) if settled else ()
+    def state(self, *, wait_for_boot: bool = False) -> str:
+        """The state of systemd: `running`, `degraded`, `starting`, …; `wait_for_boot`: after the boot has ended."""
+        wait_words = ("--wait",) if wait_for_boot else ()
         return self.run(shlex.join(("systemctl", "is-system-running", *wait_words)), check=False).stdout.strip()
 
     def run(
@@ -372,13 +372,13 @@ class Machine:
         wait(lambda: not self.runs or self._leader(), _PATIENCE_S, lambda: self._output("does not boot"))
         leader = self._leader()
         if leader is None:
-            raise MachineFailed(f"{self.name} is off")
-        done = output_of(
+            raise MachineError(f"{self.name} is off")
+        result = output_of(
             (*entering(leader), "env", "-i", *_ENVIRONMENT, "/bin/sh", "-c", command), text=input, timeout_s=timeout_s
         )
-        if check and done.returncode:
-            raise MachineFailed(f"{self.name}: {command}: ended with {done.returncode}: {done.stderr.strip()}")
-        return done
+        if check and result.returncode:
+            raise MachineError(f"{self.name}: {command}: ended with {result.returncode}: {result.stderr.strip()}")
+        return result
 
     def put(self, path: str, text: str, *, mode: str = "0644") -> None:
         """Write a file inside, and the folders above it; works also while it is off."""
@@ -388,9 +388,9 @@ class Machine:
         if self.runs:
             self.run(command, input=text)
             return
-        done = output_of(("chroot", str(self._disk.root), "/bin/sh", "-c", command), text=text)
-        if done.returncode:
-            raise MachineFailed(f"{self.name}: {path} cannot be written: {done.stderr.strip()}")
+        result = output_of(("chroot", str(self._disk.root), "/bin/sh", "-c", command), text=text)
+        if result.returncode:
+            raise MachineError(f"{self.name}: {path} cannot be written: {result.stderr.strip()}")
 
     def put_bytes(self, path: str, data: bytes) -> None:
         """Write a file that is no text straight to its disk, whether it runs or not."""
@@ -406,7 +406,7 @@ class Machine:
         """Undo `fill_disk`."""
         self._disk.free()
 
-    def _plug(self, *, configured: bool) -> None:
+    def _plug(self, *, is_configured: bool) -> None:
         """Give it a namespace with its interfaces, which have the same addresses of Ethernet each time."""
         add_namespace(self._unique)
         for interface in filter(None, (self.spec.interface, self.spec.spare)):
@@ -415,12 +415,12 @@ class Machine:
             join(self._lab, port, self._unique, interface, mac)
             self._ports.append(port)
         near = self.spec.interface
-        if configured:
+        if is_configured:
             self._ip("address", "add", str(self.spec.address), "dev", near)
             self._ip("link", "set", near, "up")
         for port in self._ports:
             program("ip", "-n", self._lab, "link", "set", port, "up")
-        if configured:
+        if is_configured:
             self._ip("route", "add", "default", "via", self.spec.gateway)
 
     def _ip(self, *words: str) -> None:

@@ -25,7 +25,7 @@ from atlantis_netcfg.emulator.lab.hosts import (
     BRIDGE,
     Inside,
     Machine,
-    MachineFailed,
+    MachineError,
     MachineSpec,
     add_namespace,
     output_of,
@@ -55,7 +55,7 @@ _KEYRING = Path("/usr/share/keyrings/debian-archive-keyring.gpg")
 
 def why_not(environ: Mapping[str, str] | None = None) -> str | None:
     """Why no machine can be run here, in a few words; None where machines run."""
-    if why := _unwanted(environ):
+    if why := _disabled_reason(environ):
         return why
     packages = missing_packages()
     return f"missing: apt install {' '.join(packages)}" if packages else _forbidden()
@@ -66,7 +66,7 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
 
     What cannot be installed `why_not` names afterwards.
     """
-    packages = () if _unwanted(environ) else missing_packages()
+    packages = () if _disabled_reason(environ) else missing_packages()
     if not packages or shutil.which("apt-get") is None:
         return
     tell(f"installing {' '.join(packages)}")
@@ -77,7 +77,7 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
         output_of(install)
 
 
-def _unwanted(environ: Mapping[str, str] | None) -> str | None:
+def _disabled_reason(environ: Mapping[str, str] | None) -> str | None:
     if (os.environ if environ is None else environ).get(OFF) is not None:
         return f"{OFF} is set"
     if sys.platform != "linux":
@@ -103,8 +103,8 @@ def _forbidden() -> str | None:
 
 
 def _overlays() -> bool:
-    known = Path("/proc/filesystems").read_text(encoding="ascii").split()
-    return "overlay" in known or (
+    file_systems = Path("/proc/filesystems").read_text(encoding="ascii").split()
+    return "overlay" in file_systems or (
         shutil.which("modprobe") is not None and not output_of(("modprobe", "overlay")).returncode
     )
 
@@ -134,10 +134,10 @@ class Lab:
     def address(self) -> str:
         """The yard's own end: the gateway of the first machine, where servers for machines listen."""
         if not self._addresses:
-            raise MachineFailed("a yard has an address once it has a machine or was told one (`own`)")
+            raise MachineError("a yard has an address once it has a machine or was told one (`add_address`)")
         return self._addresses[0]
 
-    def own(self, address: str) -> None:
+    def add_address(self, address: str) -> None:
         """Give the yard's end an address with its prefix, such as 10.64.1.1/24; more than one is fine."""
         new = IPv4Interface(address)
         if str(new.ip) not in self._addresses:
@@ -155,19 +155,19 @@ class Lab:
         disk_mb: int | None = None,
         interface: str = "eth0",
         spare: str | None = None,
-        configured: bool = True,
+        is_configured: bool = True,
         wait_s: float | None = 60.0,
     ) -> Machine:
         """Boot a machine from a tree, which stays as it is; wait for its sshd unless `wait_s` is None.
 
         `address` has its prefix; `gateway` becomes the yard's own end. `keys`: public keys with which root may log in.
         `disk_mb`: room for what the machine writes, in this computer's memory; half of it if left out. `spare`: name
-        of a second interface without an address. `configured`: see `Machine.power_on`.
+        of a second interface without an address. `is_configured`: see `Machine.power_on`.
         """
         if name in self.machines:
-            raise MachineFailed(f"{name} stands in this yard already")
+            raise MachineError(f"{name} stands in this yard already")
         spec = MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
-        self.own(f"{gateway}/{spec.address.network.prefixlen}")
+        self.add_address(f"{gateway}/{spec.address.network.prefixlen}")
         unique = f"{self.name}-m{len(self.machines)}"
         self._stack.enter_context(in_use(tree))
         result = Machine(
@@ -175,7 +175,7 @@ class Lab:
         )
         self.machines[name] = result
         self._stack.callback(result.stop)
-        result.power_on(configured=configured, wait_s=wait_s)
+        result.power_on(is_configured=is_configured, wait_s=wait_s)
         return result
 
     def listen(self, port: int = 0, address: str | None = None) -> socket.socket:
@@ -207,10 +207,10 @@ class Lab:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
-        done = output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
-        if check and done.returncode:
-            raise MachineFailed(f"{' '.join(words)}: ended with {done.returncode}: {done.stderr.strip()}")
-        return done
+        result = output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
+        if check and result.returncode:
+            raise MachineError(f"{' '.join(words)}: ended with {result.returncode}: {result.stderr.strip()}")
+        return result
 
     def prefix(self) -> tuple[str, ...]:
         """What to write before a program's words so that it runs in the yard's network."""
@@ -231,16 +231,16 @@ def open_lab(folder: Path) -> Iterator[Lab]:
     MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.
     """
     if (reason := why_not()) is not None:
-        raise MachineFailed(f"no machine can be run here: {reason}")
+        raise MachineError(f"no machine can be run here: {reason}")
     folder.mkdir(parents=True, exist_ok=True)
     reaper.YARDS.mkdir(parents=True, exist_ok=True)
     reaper.sweep()
-    with _kept() as name, ExitStack() as stack:
+    with _reserve_name() as name, ExitStack() as stack:
         yield Lab(name, folder, stack)
 
 
 @contextmanager
-def _kept() -> Iterator[str]:
+def _reserve_name() -> Iterator[str]:
     """A name, and a keeper that takes down whatever bears it when this process lets go of it, dead or alive."""
     name = f"{reaper.PREFIX}{os.getpid()}-{next(_NUMBERS)}"
     newborn = reaper.YARDS / f".{name}"  # nobody's to sweep until its owner holds the lock

@@ -52,15 +52,15 @@ def take_down(lab: str) -> None:
     unmount(YARDS / lab)
     for name in _namespaces(lab):
         _quietly("ip", "netns", "delete", name)
-    for left in _PROPAGATE.glob(f"{lab}*"):
-        remove(left)
+    for path in _PROPAGATE.glob(f"{lab}*"):
+        remove(path)
     remove(YARDS / lab)
 
 
 def _namespaces(lab: str) -> list[str]:
     """Names of the network namespaces of a yard; those of its machines first."""
-    found = [lab, *(path.name for path in _NAMESPACES.glob(f"{lab}-*"))]
-    return sorted((name for name in found if (_NAMESPACES / name).exists()), key=len, reverse=True)
+    names = [lab, *(path.name for path in _NAMESPACES.glob(f"{lab}-*"))]
+    return sorted((name for name in names if (_NAMESPACES / name).exists()), key=len, reverse=True)
 
 
 def _inhabitants(name: str) -> list[int]:
@@ -71,8 +71,8 @@ def _inhabitants(name: str) -> list[int]:
 def empty(inhabitants: Callable[[], list[int]], patience_s: float = _PATIENCE_S) -> None:
     """Kill until nobody is left, or patience is."""
     end = time.monotonic() + patience_s
-    while (found := inhabitants()) and time.monotonic() < end:
-        for process in found:
+    while (processes := inhabitants()) and time.monotonic() < end:
+        for process in processes:
             with suppress(ProcessLookupError):
                 os.kill(process, signal.SIGKILL)
         time.sleep(_PAUSE_S)
@@ -110,7 +110,7 @@ def _members(group: Path) -> list[int]:
     return result
 
 
-def mounted() -> list[str]:
+def mount_points() -> list[str]:
     """Where something is mounted, in the order in which it was."""
     lines = Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines()
     return [re.sub(r"\\([0-7]{3})", lambda code: chr(int(code[1], 8)), line.split()[4]) for line in lines]
@@ -118,7 +118,7 @@ def mounted() -> list[str]:
 
 def unmount(folder: Path) -> None:
     """Unmount what is mounted below a folder, the last one first."""
-    for place in reversed(mounted()):
+    for place in reversed(mount_points()):
         if Path(place).is_relative_to(folder):
             _quietly("umount", "--lazy", place)
 

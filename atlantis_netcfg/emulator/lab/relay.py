@@ -124,7 +124,7 @@ class Relay:
     async def _connection(self, client: socket.socket) -> None:
         """Carry both directions until both have ended; when one fails, both ends are reset."""
         with client:
-            await self._bearer.connected()
+            await self._bearer.connect()
             with self._make() as machine:
                 try:
                     machine.setblocking(False)
@@ -152,7 +152,7 @@ class _RelayBearer:
         else:
             self._air.clear()
 
-    async def connected(self) -> None:
+    async def connect(self) -> None:
         """Wait for what a TCP connection costs before its first byte."""
         self.traffic.connections += 1
         await asyncio.sleep(self._tcp.connect_s)

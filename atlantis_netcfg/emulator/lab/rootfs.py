@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.paths import cache_dir
-from atlantis_netcfg.emulator.lab.hosts import MachineFailed, output_of, program
+from atlantis_netcfg.emulator.lab.hosts import MachineError, output_of, program
 from atlantis_netcfg.emulator.lab.reaper import remove, unmount
 
 if TYPE_CHECKING:
@@ -57,13 +57,13 @@ class TreeSpec:
     """None: mmdebstrap's own choice, http://deb.debian.org/debian with updates and security."""
 
     @property
-    def wanted(self) -> tuple[str, ...]:
+    def all_packages(self) -> tuple[str, ...]:
         """All packages that are asked for, in one order whatever order they were named in."""
         return tuple(sorted({*BASE, *self.packages}))
 
     def key(self) -> str:
         """The name of the tree in the cache: another one for whatever makes another tree."""
-        text = json.dumps(asdict(self) | {"packages": self.wanted, "recipe": _RECIPE, "hooks": _HOOKS})
+        text = json.dumps(asdict(self) | {"packages": self.all_packages, "recipe": _RECIPE, "hooks": _HOOKS})
         return f"{self.release}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 
@@ -86,21 +86,21 @@ def build_rootfs(spec: TreeSpec, cache: Path | None = None) -> Path:
 
 
 @contextmanager
-def in_use(made: Path) -> Iterator[None]:
+def in_use(tree: Path) -> Iterator[None]:
     """Say to other processes that machines stand on a tree as long as this block lasts, or its process."""
-    with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_SH):
+    with _lock(tree, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_SH):
         yield
 
 
 @contextmanager
 def _alone(lock: Path, *, wait: bool = True) -> Iterator[int]:
     """Hold the lock of a tree: while it is built, or removed. Raises BlockingIOError if it is not to be waited for."""
-    with _locked(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB)) as descriptor:
+    with _lock(lock, os.O_RDWR | os.O_CREAT, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB)) as descriptor:
         yield descriptor
 
 
 @contextmanager
-def _locked(path: Path, flags: int, how: int) -> Iterator[int]:
+def _lock(path: Path, flags: int, how: int) -> Iterator[int]:
     descriptor = os.open(path, flags | os.O_CLOEXEC, 0o644)
     try:
         fcntl.flock(descriptor, how)
@@ -118,17 +118,17 @@ def _note_use(lock: int) -> None:
 def _prune(place: Path, keep: Path) -> None:
     """Remove the other trees that are no longer needed; what cannot be removed stays."""
     for lock in sorted(place.glob("*.lock")):
-        made = lock.with_suffix("")
-        if made == keep or not (_outdated(lock) or lock.with_suffix(".half").exists()):
+        tree = lock.with_suffix("")
+        if tree == keep or not (_is_outdated(lock) or lock.with_suffix(".half").exists()):
             continue
-        with suppress(OSError, MachineFailed), _alone(lock, wait=False):
+        with suppress(OSError, MachineError), _alone(lock, wait=False):
             _remove(lock.with_suffix(".half"))
-            if made.is_dir() and _outdated(lock) and not _stood_on(made):
-                made.rename(lock.with_suffix(".half"))
+            if tree.is_dir() and _is_outdated(lock) and not _stood_on(tree):
+                tree.rename(lock.with_suffix(".half"))
                 _remove(lock.with_suffix(".half"))
 
 
-def _outdated(lock: Path) -> bool:
+def _is_outdated(lock: Path) -> bool:
     """Whether an older release, or one that did not note it yet, was the last to use a tree, or it was long ago."""
     unused_s = time.time() - lock.stat().st_mtime
     return _release(lock.read_text(encoding="utf-8")) < _release(__version__) or unused_s > KEPT_DAYS * _DAY_S
@@ -138,28 +138,30 @@ def _release(version: str) -> list[int]:
     return [int(number) for number in re.findall(r"\d+", version)]
 
 
-def _stood_on(made: Path) -> bool:
+def _stood_on(tree: Path) -> bool:
     """Whether a machine stands on a tree: one of a living process, or a mount that a killed one has left."""
     try:
-        with _locked(made, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):
-            return f"lowerdir={made.resolve()}," in _MOUNTS.read_text(encoding="utf-8")
+        with _lock(tree, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX | fcntl.LOCK_NB):
+            return f"lowerdir={tree.resolve()}," in _MOUNTS.read_text(encoding="utf-8")
     except BlockingIOError:
         return True
 
 
-def _build(spec: TreeSpec, half: Path, made: Path, lock: int) -> None:
+def _build(spec: TreeSpec, half: Path, tree: Path, lock: int) -> None:
     _remove(half)
-    done = _mmdebstrap(spec, half, lock)
-    if done.returncode:
+    result = _mmdebstrap(spec, half, lock)
+    if result.returncode:
         _remove(half)
-        lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("I: ")][-_MESSAGES:]
-        raise MachineFailed(
-            f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {done.returncode}:\n"
+        lines = [line for line in result.stderr.splitlines() if line.strip() and not line.startswith("I: ")][
+            -_MESSAGES:
+        ]
+        raise MachineError(
+            f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {result.returncode}:\n"
             + "\n".join(f"  {line}" for line in lines),
             hint=f"check that this computer reaches {spec.mirror or 'http://deb.debian.org/debian'}, then try again",
         )
     program("sync", "--file-system", str(half))
-    half.rename(made)
+    half.rename(tree)
 
 
 def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedProcess[str]:
@@ -169,12 +171,12 @@ def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedPr
     """
     hooks = [f"--customize-hook={hook}" for hook in _HOOKS]
     mirror = [] if spec.mirror is None else [spec.mirror]
-    include = f"--include={','.join(spec.wanted)}"
+    include = f"--include={','.join(spec.all_packages)}"
     kind = ("--mode=root", "--format=directory", "--variant=minbase")
     debs = half.parent / "debs"
     debs.mkdir(exist_ok=True)
     command = ("mmdebstrap", *kind, include, *_QUICK, *_kept_debs(debs), *hooks, spec.release, str(half), *mirror)
-    with _locked(debs, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX) as packages:
+    with _lock(debs, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX) as packages:
         return output_of(command, keep=(lock, packages))
 
 
@@ -193,6 +195,6 @@ def _remove(half: Path) -> None:
     unmount(half)
     remove(half)
     if half.exists():
-        raise MachineFailed(
+        raise MachineError(
             f"what a build that was killed has left cannot be removed: {half}", hint="restart the computer"
         )

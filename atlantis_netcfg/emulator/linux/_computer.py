@@ -13,7 +13,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._ip import ip, iw, lost, ping
+from atlantis_netcfg.emulator.linux._ip import ip, is_lost, iw, ping
 from atlantis_netcfg.emulator.linux._spec import (
     AddressSpec,
     AdvertisementSpec,
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
 
-_UNSYNCHRONISED = (
+_NOT_SYNCHRONISED = (
     "00000000,,0,0.000000000,0.000000000,0.000000000,0.000000000,0.000,0.000,0.000,1.000000000,1.000000000,0.0,"
     "Not synchronised\n"
 )
 
 
-def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
+def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
     """Answer `timedatectl show`; `now`: seconds since 1970 by its own clock."""
     if list(argv[1:]) != ["show"]:
         return 1, "", f"Unknown command verb {argv[1] if len(argv) > 1 else ''}.\n"
@@ -49,29 +49,29 @@ def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
         "LocalRTC": "no",
         "CanNTP": "yes",
         "NTP": "yes" if time.ntp else "no",
-        "NTPSynchronized": "yes" if time.synchronised else "no",
+        "NTPSynchronized": "yes" if time.is_synchronised else "no",
         "TimeUSec": stamp,
         "RTCTimeUSec": stamp,
     }
     return 0, "".join(f"{name}={value}\n" for name, value in values.items()), ""
 
 
-def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> Printed:
+def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
     """Answer `chronyc -n -c tracking` and `sources`."""
     time = spec.time
     if not time.chrony:
         return 1, "", "506 Cannot talk to daemon\n"
     command = argv[-1]
     if command == "sources":
-        mark, reach = ("*", 377) if time.synchronised else ("?", 0)
+        mark, reach = ("*", 377) if time.is_synchronised else ("?", 0)
         return 0, f"^,{mark},{time.server},{time.stratum - 1},6,{reach},12,0.000120,0.000120,0.002000000\n", ""
     if command != "tracking":
         return 1, "", "Unrecognized command\n"
-    if not time.synchronised:
-        return 0, _UNSYNCHRONISED, ""
+    if not time.is_synchronised:
+        return 0, _NOT_SYNCHRONISED, ""
     number = "".join(f"{int(part):02X}" for part in time.server.split("."))
-    known = "0.000012345,0.000010000,0.000020000,-11.234,0.001,0.020,0.012000000,0.001000000,64.2"
-    return 0, f"{number},{time.server},{time.stratum},{now - 40:.9f},{known},Normal\n", ""
+    tracking_values = "0.000012345,0.000010000,0.000020000,-11.234,0.001,0.020,0.012000000,0.001000000,64.2"
+    return 0, f"{number},{time.server},{time.stratum},{now - 40:.9f},{tracking_values},Normal\n", ""
 
 
 _WRITER = b"\x00\x01\x00\xc2"
@@ -83,11 +83,11 @@ def answers(number: int, spec: DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
     head = b"RTPS\x02\x01\x01\x10" + data
     to_the_asker = struct.pack("<BBH", 0x0E, 1, 12) + asked_by
     beat = struct.pack("<BBH", 0x07, 1, 28) + b"\0\0\x04\xc7\0\0\x03\xc2" + struct.pack("<iIiIi", 0, 1, 0, 0, 1)
-    announced = _announced(data, spec, 7410 + 250 * spec.domain + 2 * number)
-    return (head + to_the_asker + announced, head + to_the_asker + beat)
+    announcement = _build_announcement(data, spec, 7410 + 250 * spec.domain + 2 * number)
+    return (head + to_the_asker + announcement, head + to_the_asker + beat)
 
 
-def _announced(data: bytes, spec: DdsSpec, port: int) -> bytes:
+def _build_announcement(data: bytes, spec: DdsSpec, port: int) -> bytes:
     there = [struct.pack("<iI12x", 1, port) + socket.inet_aton(address) for address in spec.addresses]
     result = [
         (0x50, data + b"\x00\x00\x01\xc1"),
@@ -96,8 +96,8 @@ def _announced(data: bytes, spec: DdsSpec, port: int) -> bytes:
         *((0x32, item) for item in there),
         (0x58, struct.pack("<I", 0xFC3F)),
     ]
-    listed = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result)
-    payload = b"\x00\x03\0\0" + listed + struct.pack("<HH", 1, 0)
+    parameters = b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result)
+    payload = b"\x00\x03\0\0" + parameters + struct.pack("<HH", 1, 0)
     body = struct.pack("<HH", 0, 16) + b"\x00\x01\x00\xc7" + _WRITER + struct.pack("<iI", 0, 1) + payload
     return struct.pack("<BBH", 0x15, 0x05, len(body)) + body
 
@@ -105,13 +105,13 @@ def _announced(data: bytes, spec: DdsSpec, port: int) -> bytes:
 UDP_TABLE = "/proc/net/udp"
 
 
-def cat(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def cat(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print files, one after the other."""
     out, err = "", ""
     for path in argv[1:]:
         if path == UDP_TABLE:
             out += _sockets(spec.udp)
-        elif path in spec.denied:
+        elif path in spec.unreadable_paths:
             err += f"cat: {path}: Permission denied\n"
         elif path in spec.files:
             out += spec.files[path]
@@ -127,29 +127,30 @@ def _sockets(sockets: Sequence[UdpSpec]) -> str:
         "   uid  timeout inode ref pointer drops"
     )
     lines = [
-        f"{number:5d}: {_reversed(udp.address)}:{udp.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
+        f"{number:5d}: "
+        f"{_reverse_bytes(udp.address)}:{udp.port:04X} 00000000:0000 07 00000000:00000000 00:00000000 00000000 "
         f"{udp.uid:5d}        0 {20000 + number} 2 0000000000000000 0"
         for number, udp in enumerate(sockets, start=1000)
     ]
     return "".join(f"{line:<127}\n" for line in (head, *lines))
 
 
-def _reversed(address: str) -> str:
+def _reverse_bytes(address: str) -> str:
     return IPv4Address(address).packed[::-1].hex().upper()
 
 
-def openssl(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def openssl(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
     path, command = argv[-1], argv[1] if len(argv) > 1 else ""
     if command != "storeutl":
         return 1, "", f"Invalid command '{command}'; type \"help\" for a list.\n"
-    if path in spec.denied or path not in spec.certificates:
-        reason = "Permission denied" if path in spec.denied else "No such file or directory"
+    if path in spec.unreadable_paths or path not in spec.certificates:
+        reason = "Permission denied" if path in spec.unreadable_paths else "No such file or directory"
         return 1, "", f"Couldn't open file or uri {path}\n0:error:80000002:system library:file_open:{reason}\n"
-    found = spec.certificates[path]
-    text = "".join(f"{number}: Certificate\n{_text(certificate)}" for number, certificate in enumerate(found))
+    certificates = spec.certificates[path]
+    text = "".join(f"{number}: Certificate\n{_text(certificate)}" for number, certificate in enumerate(certificates))
     # It knows no key of tls-crypt, says so, and ends with 8 although it has printed the rest.
-    return 8, f"{text}Total found: {len(found)}\n", "0:error:1608010C:STORE routines::unsupported\n"
+    return 8, f"{text}Total found: {len(certificates)}\n", "0:error:1608010C:STORE routines::unsupported\n"
 
 
 def _text(certificate: CertificateSpec) -> str:
@@ -169,7 +170,7 @@ def _stamp(moment: datetime) -> str:
     return f"{moment:%b} {moment.day:2d} {moment:%H:%M:%S %Y} GMT"
 
 
-def uname(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def uname(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print name, release and machine of the kernel (`-s`, `-n`, `-r`, `-m`); words of coreutils 9."""
     fields = {"s": "Linux", "n": spec.name, "r": spec.kernel, "m": spec.machine}
     options = [word.removeprefix("-") for word in argv[1:] if word.startswith("-")]
@@ -178,17 +179,17 @@ def uname(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     if extra is not None or odd is not None:
         reason = f"invalid option -- '{odd}'" if odd is not None else f"extra operand '{extra}'"
         return 1, "", f"uname: {reason}\nTry 'uname --help' for more information.\n"
-    requested = set("".join(options)) or {"s"}
-    return 0, " ".join(value for letter, value in fields.items() if letter in requested) + "\n", ""
+    requested_fields = set("".join(options)) or {"s"}
+    return 0, " ".join(value for letter, value in fields.items() if letter in requested_fields) + "\n", ""
 
 
-def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print the fingerprint of a public key of Ed25519 (`-l -f PATH`); words and code of OpenSSH 9."""
     if list(argv[1:3]) != ["-l", "-f"] or len(argv) != 4:  # noqa: PLR2004 - the program and three words
         return 1, "", "Too many arguments.\r\n"
     path = argv[3]
-    if path in spec.denied or path not in spec.files:
-        reason = "Permission denied" if path in spec.denied else "No such file or directory"
+    if path in spec.unreadable_paths or path not in spec.files:
+        reason = "Permission denied" if path in spec.unreadable_paths else "No such file or directory"
         return 255, "", f"ssh-keygen: {path}: {reason}\r\n"
     kind, _, rest = spec.files[path].strip().partition(" ")
     key, _, comment = rest.partition(" ")
@@ -198,7 +199,7 @@ def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     return 0, f"256 SHA256:{digest} {comment or 'no comment'} (ED25519)\n", ""
 
 
-def dpkg_query(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def dpkg_query(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print installed packages by their names, no patterns (`-W -f=FORMAT NAME…`); words and codes of dpkg 1.21."""
     if len(argv) < 2 or argv[1] != "-W":  # noqa: PLR2004 - the program and its action
         reason = f"unknown option {argv[1]}" if len(argv) > 1 else "need an action option"
@@ -220,7 +221,7 @@ def dpkg_query(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
 
 _PACKAGE_LINE = r"${Package}\t${Version}\n"
 """Of dpkg-query, where no format is given."""
-Printed = tuple[int, str, str]
+ProgramOutput = tuple[int, str, str]
 NOT_FOUND = 127
 """Of a shell, for a program that is not there (POSIX, 2.8.2)."""
 
@@ -231,7 +232,7 @@ class Computer:
     def __init__(self, spec: ComputerSpec, clock: Callable[[], float] = time.time) -> None:
         self.spec = spec
         """May be replaced at any time; the next answer is from the new one."""
-        self.heard: list[tuple[str, ...]] = []
+        self.inputs: list[tuple[str, ...]] = []
         """Every command line that came."""
         self._clock = clock
 
@@ -240,9 +241,9 @@ class Computer:
         """Seconds since 1970 by its own clock."""
         return self._clock() + self.spec.time.offset_s
 
-    def answer(self, argv: Sequence[str]) -> Printed:
+    def answer(self, argv: Sequence[str]) -> ProgramOutput:
         """Exit code, output and error output; 127 for a program that it does not have."""
-        self.heard.append(tuple(argv))
+        self.inputs.append(tuple(argv))
         program = argv[0] if argv else ""
         if program in self.spec.lacks or program not in _PROGRAMS:
             return NOT_FOUND, "", f"sh: 1: {program}: not found\n"
@@ -256,10 +257,10 @@ class Computer:
         item = self._segment_interface(interface)
         if item is None:
             return None
-        requested = {card.lower() for card in (item.mac or "", *cards)}
+        requested_cards = {card.lower() for card in (item.mac or "", *cards)}
         there = self.spec.dhcp.get(item.name, ()) if item.up else ()
         return tuple(
-            server for server in there if not server.knows or requested & {card.lower() for card in server.knows}
+            server for server in there if not server.knows or requested_cards & {card.lower() for card in server.knows}
         )
 
     def routers(self, interface: str) -> tuple[AdvertisementSpec, ...] | None:
@@ -286,7 +287,7 @@ class Computer:
             (address, message) for number, dds in enumerate(there) for message in answers(number, dds, asked_by)
         )
 
-    def reflected(
+    def reflect(
         self, source: str, address: str, tokens: Sequence[str]
     ) -> tuple[tuple[str, str, float, bytes], ...] | None:
         """Sender, interface, delay in seconds and text of the answers to messages with these tokens.
@@ -298,13 +299,15 @@ class Computer:
             return None
         if way is None or there is None:
             return ()
-        kept = [token for number, token in enumerate(tokens, start=1) if not lost(number, there.loss_percent)]
+        delivered_tokens = [
+            token for number, token in enumerate(tokens, start=1) if not is_lost(number, there.loss_percent)
+        ]
         rows = {"host": there.host, "from": source, "to": address, "by": there.arrives_by, "emulated": True}
-        texts = (json.dumps({"token": token, **rows}).encode() for token in kept)
+        texts = (json.dumps({"token": token, **rows}).encode() for token in delivered_tokens)
         return tuple((address, way[0], there.rtt_ms / 1000, text) for text in texts)
 
 
-_PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], Printed]] = {
+_PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], ProgramOutput]] = {
     "cat": lambda computer, argv: cat(computer.spec, argv),
     "chronyc": lambda computer, argv: chronyc(computer.spec, argv, computer.now),
     "dpkg-query": lambda computer, argv: dpkg_query(computer.spec, argv),

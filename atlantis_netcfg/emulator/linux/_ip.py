@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     )
 
 
-Printed = tuple[int, str, str]
+ProgramOutput = tuple[int, str, str]
 _FOREVER = 4294967295
 _OF_CARDS = ("addr", "link")
 """Objects whose rows are interfaces."""
 _LOOPBACK = {"ifindex": 1, "ifname": "lo", "flags": ["LOOPBACK", "UP", "LOWER_UP"], "mtu": 65536, "qdisc": "noqueue"}
 
 
-def ip(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def ip(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer a reading command; what the twin does not print says so as the program does, and fails."""
     words = list(argv[1:])
     statistics = "-s" in words
@@ -39,32 +39,32 @@ def ip(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     what, rest = words[0], [word for word in words[1:] if word != "show"]
     if what == "route" and rest[:1] == ["get"]:
         return _get(spec, rest[1:])
-    chosen = dict(zip(rest[::2], rest[1::2], strict=False)) if rest[:1] != ["default"] else {"to": "default"}
-    device = chosen.get("dev")
+    selectors = dict(zip(rest[::2], rest[1::2], strict=False)) if rest[:1] != ["default"] else {"to": "default"}
+    device = selectors.get("dev")
     if device is not None and device != "lo" and spec.interface(device) is None:
-        gone = f'Device "{device}" does not exist.\n' if what in _OF_CARDS else f'Cannot find device "{device}"\n'
-        return 1, "", gone
+        message = f'Device "{device}" does not exist.\n' if what in _OF_CARDS else f'Cannot find device "{device}"\n'
+        return 1, "", message
     rows = {
         "addr": lambda: _interfaces(spec, addresses=True, statistics=statistics),
         "link": lambda: _interfaces(spec, addresses=False, statistics=statistics),
-        "route": lambda: _routes(spec, chosen),
-        "neigh": lambda: _neighbours(spec, chosen.get("to")),
+        "route": lambda: _routes(spec, selectors),
+        "neigh": lambda: _neighbours(spec, selectors.get("to")),
         "rule": lambda: _RULES,
     }.get(what)
     if rows is None:
         return 255, "", f'Object "{what}" is unknown, try "ip help".\n'
-    return 0, _printed(_of(device, rows(), what)), ""
+    return 0, _render_json(_of(device, rows(), what)), ""
 
 
 def _of(device: str | None, rows: Iterable[dict[str, Any]], what: str) -> list[dict[str, Any]]:
     """With `dev` the rows of routes and neighbours do not repeat its name."""
     name = "ifname" if what in _OF_CARDS else "dev"
-    found = [row for row in rows if device is None or row.get(name) == device]
-    repeated = what not in _OF_CARDS and device is not None
-    return [{key: value for key, value in row.items() if not (repeated and key == "dev")} for row in found]
+    matches = [row for row in rows if device is None or row.get(name) == device]
+    is_redundant = what not in _OF_CARDS and device is not None
+    return [{key: value for key, value in row.items() if not (is_redundant and key == "dev")} for row in matches]
 
 
-def _printed(rows: Sequence[dict[str, Any]]) -> str:
+def _render_json(rows: Sequence[dict[str, Any]]) -> str:
     return json.dumps(rows, separators=(",", ":")) + "\n" if rows else "[]\n"
 
 
@@ -120,12 +120,12 @@ def _statistics(interface: InterfaceSpec) -> dict[str, Any]:
 
 
 def _addresses(interface: InterfaceSpec) -> list[dict[str, Any]]:
-    seen: set[IPv4Network] = set()
+    seen_networks: set[IPv4Network] = set()
     rows = []
     for address in interface.addresses:
         network = IPv4Interface(address.address).network
-        rows.append(_address(interface, address, second=network in seen))
-        seen.add(network)
+        rows.append(_address(interface, address, second=network in seen_networks))
+        seen_networks.add(network)
     return rows
 
 
@@ -137,18 +137,18 @@ def _address(interface: InterfaceSpec, address: AddressSpec, *, second: bool) ->
     row["scope"] = "global"
     row |= {"secondary": True} if second else {}
     row |= {"dynamic": True} if address.lease_s is not None else {}
-    left = _FOREVER if address.lease_s is None else address.lease_s
-    return row | {"label": interface.name, "valid_life_time": left, "preferred_life_time": left}
+    lifetime_s = _FOREVER if address.lease_s is None else address.lease_s
+    return row | {"label": interface.name, "valid_life_time": lifetime_s, "preferred_life_time": lifetime_s}
 
 
-def _routes(spec: ComputerSpec, chosen: dict[str, str]) -> list[dict[str, Any]]:
+def _routes(spec: ComputerSpec, selectors: dict[str, str]) -> list[dict[str, Any]]:
     """In the kernel's order; of several addresses in one network the first brings the route."""
     rows = [_route(spec, way) for way in spec.routes]
-    rows += [row for interface in spec.interfaces for row in _connected(interface)]
-    if chosen.get("table", "main") not in {"main", "all"}:
+    rows += [row for interface in spec.interfaces for row in _connected_routes(interface)]
+    if selectors.get("table", "main") not in {"main", "all"}:
         return []
-    desired = chosen.get("to")
-    return sorted((row for row in rows if desired in {None, row["dst"]}), key=_place)
+    destination = selectors.get("to")
+    return sorted((row for row in rows if destination in {None, row["dst"]}), key=_place)
 
 
 def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
@@ -168,19 +168,19 @@ def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
     return row | {"flags": _flags(interface)}
 
 
-def _connected(interface: InterfaceSpec) -> list[dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
+def _connected_routes(interface: InterfaceSpec) -> list[dict[str, Any]]:
+    routes: dict[str, dict[str, Any]] = {}
     for whole in (IPv4Interface(address.address) for address in interface.addresses):
         row = {"dst": str(whole.network), "dev": interface.name, "protocol": "kernel", "scope": "link"}
-        found.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(interface)})
-    return list(found.values())
+        routes.setdefault(str(whole.network), row | {"prefsrc": str(whole.ip), "flags": _flags(interface)})
+    return list(routes.values())
 
 
 def _flags(interface: InterfaceSpec | None) -> list[str]:
     return [] if interface is None or interface.up else ["linkdown"]
 
 
-def _neighbours(spec: ComputerSpec, desired: str | None) -> list[dict[str, Any]]:
+def _neighbours(spec: ComputerSpec, address: str | None) -> list[dict[str, Any]]:
     return [
         {
             "dst": neighbour.address,
@@ -189,11 +189,11 @@ def _neighbours(spec: ComputerSpec, desired: str | None) -> list[dict[str, Any]]
             "state": [neighbour.state if neighbour.mac is not None else "FAILED"],
         }
         for neighbour in spec.neighbours
-        if desired in {None, neighbour.address}
+        if address in {None, neighbour.address}
     ]
 
 
-def _get(spec: ComputerSpec, words: Sequence[str]) -> Printed:
+def _get(spec: ComputerSpec, words: Sequence[str]) -> ProgramOutput:
     try:
         address = str(IPv4Address(words[0]))
     except (IndexError, AddressValueError):
@@ -208,7 +208,7 @@ def _get(spec: ComputerSpec, words: Sequence[str]) -> Printed:
     interface = spec.interface(device)
     if interface is not None and interface.addresses:
         row["prefsrc"] = str(IPv4Interface(interface.addresses[0].address).ip)
-    return 0, _printed([row | {"flags": [], "uid": 0, "cache": []}]), ""
+    return 0, _render_json([row | {"flags": [], "uid": 0, "cache": []}]), ""
 
 
 _ARP_S = 3.0
@@ -216,7 +216,7 @@ _ARP_S = 3.0
 _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 
-def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def ping(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer at once what a ping would have said in the end."""
     if len(argv) < 2:  # noqa: PLR2004 - the program and a target
         return 1, "", "ping: usage error: Destination address required\n"
@@ -244,8 +244,8 @@ def ping(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
             interface is not None and interface.up and (way is None or way[1] is None) and interface.mac is not None
         )
         return 1, head + _silence(target, source, count, waits, on_segment=on_segment), ""
-    lines, received = _answers(target, echo, count)
-    return (0 if received else 1), head + lines + _sum(target, count, received, interval, echo), ""
+    lines, reply_count = _answers(target, echo, count)
+    return (0 if reply_count else 1), head + lines + _sum(target, count, reply_count, interval, echo), ""
 
 
 def _is_address(text: str) -> bool:
@@ -258,12 +258,15 @@ def _is_address(text: str) -> bool:
 
 def _answers(target: str, echo: EchoSpec, count: int) -> tuple[str, int]:
     """The share that is lost is lost evenly, beginning with the last of each run."""
-    kept = [number for number in range(1, count + 1) if not lost(number, echo.loss_percent)]
-    lines = (f"64 bytes from {target}: icmp_seq={number} ttl=64 time={_time(echo.rtt_ms)} ms\n" for number in kept)
-    return "".join(lines), len(kept)
+    sequence_numbers = [number for number in range(1, count + 1) if not is_lost(number, echo.loss_percent)]
+    lines = (
+        f"64 bytes from {target}: icmp_seq={number} ttl=64 time={_time(echo.rtt_ms)} ms\n"
+        for number in sequence_numbers
+    )
+    return "".join(lines), len(sequence_numbers)
 
 
-def lost(number: int, percent: float) -> bool:
+def is_lost(number: int, percent: float) -> bool:
     """Whether a message is one of the share that is lost."""
     return int(number * percent / 100) > int((number - 1) * percent / 100)
 
@@ -274,16 +277,16 @@ def _time(value: float) -> str:
     return f"{value:.{digits}f}"
 
 
-def _percent(count: int, received: int) -> str:
-    return f"{100 * (count - received) / count:.6g}%"
+def _percent(count: int, reply_count: int) -> str:
+    return f"{100 * (count - reply_count) / count:.6g}%"
 
 
-def _sum(target: str, count: int, received: int, interval: float, echo: EchoSpec) -> str:
+def _sum(target: str, count: int, reply_count: int, interval: float, echo: EchoSpec) -> str:
     took = round((count - 1) * interval * 1000)
-    head = f"\n--- {target} ping statistics ---\n{count} packets transmitted, {received} received, "
+    head = f"\n--- {target} ping statistics ---\n{count} packets transmitted, {reply_count} received, "
     rtt = f"{echo.rtt_ms:.3f}"
-    tail = f"rtt min/avg/max/mdev = {rtt}/{rtt}/{rtt}/0.000 ms\n" if received else "\n"
-    return f"{head}{_percent(count, received)} packet loss, time {took}ms\n{tail}"
+    tail = f"rtt min/avg/max/mdev = {rtt}/{rtt}/{rtt}/0.000 ms\n" if reply_count else "\n"
+    return f"{head}{_percent(count, reply_count)} packet loss, time {took}ms\n{tail}"
 
 
 def _silence(target: str, source: str, count: int, waits: tuple[float, float], *, on_segment: bool) -> str:
@@ -301,7 +304,7 @@ _NO_DEVICE = (237, "", "command failed: No such device (-19)\n")
 _USAGE = (1, "", "Usage:\tiw [options] command\n")
 
 
-def iw(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
+def iw(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer `iw reg get` and `iw dev NAME link|info|station dump`."""
     words = list(argv[1:])
     if words == ["reg", "get"]:
@@ -311,8 +314,8 @@ def iw(spec: ComputerSpec, argv: Sequence[str]) -> Printed:
     interface = spec.interface(words[1])
     if interface is None or not interface.wireless:
         return _NO_DEVICE
-    shown = {"link": _link, "info": _info, "station dump": _stations}.get(" ".join(words[2:]))
-    return _USAGE if shown is None else (0, shown(interface), "")
+    renderer = {"link": _link, "info": _info, "station dump": _stations}.get(" ".join(words[2:]))
+    return _USAGE if renderer is None else (0, renderer(interface), "")
 
 
 _REGIONS = {"00": "UNSET"}
@@ -374,8 +377,8 @@ def _level(there: AssociationSpec) -> str:
 def _stations(interface: InterfaceSpec) -> str:
     if interface.association is None or not interface.up:
         return ""
-    joined = interface.stations if interface.type == "AP" else (interface.association,)
-    return "".join(_station(interface.name, station) for station in joined)
+    stations = interface.stations if interface.type == "AP" else (interface.association,)
+    return "".join(_station(interface.name, station) for station in stations)
 
 
 def _station(radio: str, there: AssociationSpec) -> str:

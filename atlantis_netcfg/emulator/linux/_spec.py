@@ -100,7 +100,7 @@ class TimeSpec(_Spec):
     zone: str = "Europe/Lisbon"
     offset_s: float = 0.0
     """How far its clock is ahead of the right time."""
-    synchronised: bool = True
+    is_synchronised: bool = True
     ntp: bool = True
     """Whether something is switched on that sets the clock."""
     chrony: bool = True
@@ -179,7 +179,7 @@ class ComputerSpec(_Spec):
     """Regulatory domain of its radios; `00` is that of a board where nobody has set one."""
     files: dict[str, str] = Field(default_factory=dict)
     """Path to text. `/proc/net/udp` is made from `udp`."""
-    denied: tuple[str, ...] = ()
+    unreadable_paths: tuple[str, ...] = ()
     """Paths that are there, and may not be read."""
     certificates: dict[str, tuple[CertificateSpec, ...]] = Field(default_factory=dict)
     """Path to the certificates in that file, beside which it has a key of OpenVPN's own."""
@@ -206,19 +206,19 @@ class ComputerSpec(_Spec):
 
     def holding(self, address: str) -> InterfaceSpec | None:
         """Give the interface that has an address."""
-        desired = IPv4Address(address)
+        target = IPv4Address(address)
         return next(
             (
                 interface
                 for interface in self.interfaces
-                if desired in {IPv4Interface(a.address).ip for a in interface.addresses}
+                if target in {IPv4Interface(a.address).ip for a in interface.addresses}
             ),
             None,
         )
 
     def towards(self, address: str) -> tuple[str, str | None] | None:
         """Interface and next hop of the way to an address; next hop None: it is on the segment; None: no way."""
-        desired = IPv4Address(address)
+        target = IPv4Address(address)
         ways: list[tuple[IPv4Network, str, str | None]] = [
             (IPv4Interface(a.address).network, interface.name, None)
             for interface in self.interfaces
@@ -228,6 +228,6 @@ class ComputerSpec(_Spec):
             (IPv4Network("0.0.0.0/0" if way.to == "default" else way.to), way.dev, way.via)
             for way in sorted(self.routes, key=lambda way: way.metric or 0)
         ]
-        fitting = [way for way in ways if desired in way[0]]
+        fitting = [way for way in ways if target in way[0]]
         best = max(fitting, key=lambda way: way[0].prefixlen, default=None)
         return None if best is None else best[1:]

@@ -13,19 +13,19 @@ from atlantis_netcfg.core.lazy_imports import homes
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.answers import NOT_REHEARSED
-    from atlantis_netcfg.emulator.routeros.control import COMMANDS, TwinRefused
+    from atlantis_netcfg.emulator.routeros.control import COMMANDS, ControlError
     from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.device import Device
     from atlantis_netcfg.emulator.routeros.radio import Air, RadioLink, RadioPair
     from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
-    from atlantis_netcfg.emulator.routeros.running import RunningSite, SpawnedSite, TwinsFailed, spawn
+    from atlantis_netcfg.emulator.routeros.running import EmulatorError, RunningSite, SpawnedSite, spawn
     from atlantis_netcfg.emulator.routeros.site import EmulatedSite
     from atlantis_netcfg.emulator.routeros.spec import (
-        Called,
         CellSpec,
         Deviation,
         DeviceMode,
         DeviceModeName,
+        DiscoveryNeighbour,
         Environment,
         Execute,
         Load,
@@ -52,14 +52,16 @@ __all__ = [
     "COMMANDS",
     "NOT_REHEARSED",
     "Air",
-    "Called",
     "CellSpec",
+    "ControlError",
     "Deviation",
     "Device",
     "DeviceMode",
     "DeviceModeName",
+    "DiscoveryNeighbour",
     "EmulatedRouter",
     "EmulatedSite",
+    "EmulatorError",
     "Environment",
     "Execute",
     "FaultKind",
@@ -78,9 +80,7 @@ __all__ = [
     "SiteSpec",
     "SpawnedSite",
     "TrafficCounters",
-    "TwinRefused",
     "TwinSpec",
-    "TwinsFailed",
     "User",
     "Validity",
     "WireBehaviour",
@@ -92,15 +92,15 @@ __getattr__ = homes(
     __name__,
     {
         "answers": ("NOT_REHEARSED",),
-        "control": ("COMMANDS", "TwinRefused"),
+        "control": ("COMMANDS", "ControlError"),
         "core": ("Service",),
         "device": ("Device",),
         "radio": ("Air", "RadioLink", "RadioPair"),
         "router": ("EmulatedRouter",),
-        "running": ("RunningSite", "SpawnedSite", "TwinsFailed", "spawn"),
+        "running": ("RunningSite", "SpawnedSite", "EmulatorError", "spawn"),
         "site": ("EmulatedSite",),
         "spec": (
-            "Called",
+            "DiscoveryNeighbour",
             "CellSpec",
             "Deviation",
             "DeviceMode",

@@ -22,7 +22,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.emulator.routeros.control import TwinRefused, obey
+from atlantis_netcfg.emulator.routeros.control import ControlError, obey
 from atlantis_netcfg.emulator.routeros.site import EmulatedSite
 from atlantis_netcfg.emulator.routeros.spec import SiteSpec
 
@@ -39,15 +39,15 @@ def main() -> int:
     parser.add_argument("site", type=Path, help="specification of the site's twins (JSON)")
     parser.add_argument("--state", type=Path, required=True, help="folder that stands for the routers' flash")
     parser.add_argument("--owner", type=int, help="the parent process, with whose end the twins end")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     gc.set_threshold(_OBJECTS)
     atexit.register(gc.freeze)
     try:
-        spec = SiteSpec.model_validate_json(given.site.read_bytes())
+        spec = SiteSpec.model_validate_json(arguments.site.read_bytes())
     except (OSError, ValidationError) as error:
-        sys.stderr.write(f"{given.site}: {error}\n")
+        sys.stderr.write(f"{arguments.site}: {error}\n")
         return ExitCode.USAGE
-    return asyncio.run(_serve(spec, given.state, given.owner))
+    return asyncio.run(_serve(spec, arguments.state, arguments.owner))
 
 
 async def _serve(spec: SiteSpec, state_dir: Path, owner: int | None) -> ExitCode:
@@ -84,10 +84,10 @@ def _end_with(owner: int, loop: asyncio.AbstractEventLoop, lines: asyncio.Queue[
     if os.getppid() != owner:  # it is dead, and its number another's
         lines.put_nowait(None)
     else:
-        loop.add_reader(handle, _ended, loop, handle, lines)
+        loop.add_reader(handle, _end_input, loop, handle, lines)
 
 
-def _ended(loop: asyncio.AbstractEventLoop, handle: int, lines: asyncio.Queue[str | None]) -> None:
+def _end_input(loop: asyncio.AbstractEventLoop, handle: int, lines: asyncio.Queue[str | None]) -> None:
     loop.remove_reader(handle)
     lines.put_nowait(None)
 
@@ -105,7 +105,7 @@ async def _answer(site: EmulatedSite, line: str) -> dict[str, Any]:
         command = dict(json.loads(line))
         twin, do = command.pop("twin"), command.pop("do")
         return {"ok": True, "twin": twin, "do": do, "result": await obey(site, twin, do, command)}
-    except TwinRefused as refused:
+    except ControlError as refused:
         return {"ok": False, "error": str(refused), "hint": refused.hint}
     except (KeyError, TypeError, ValueError) as error:
         return {"ok": False, "error": f'not a command like {{"twin": ..., "do": ...}}: {error}', "hint": None}

@@ -27,7 +27,7 @@ _FIELDS = {"ssh-ed25519": 2, "ssh-rsa": 3}
 """How many strings a key is made of, its kind included (RFC 8709, RFC 4253)."""
 _ED25519_BITS = 256
 
-_REFUSED = "invalid user name or password (6)"
+_LOGIN_REFUSAL = "invalid user name or password (6)"
 _POLICIES = {"api-ssl": "api", "console": "local"}
 
 
@@ -46,7 +46,7 @@ def admit(core: Core, user: str, right: Callable[[str], bool], via: str, address
         core.note("system,info,account", f"user {user} logged in{_place(address)} via {via}")
         return caller
     core.note("system,error,critical", f"login failure for user {user}{_place(address)} via {via}")
-    raise Trap(_REFUSED)
+    raise Trap(_LOGIN_REFUSAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +66,11 @@ class SshPublicKey:
 
 def public_key(core: Core, text: str) -> SshPublicKey | None:
     """Read a key that this version takes: RSA, and Ed25519 from 7.12 (tikoci/quickchr, test/lab/ssh-keys)."""
-    kind, encoded, comment = [*text.split(maxsplit=2), "", "", ""][:3]
+    kind, encoded_key, comment = [*text.split(maxsplit=2), "", "", ""][:3]
     if kind not in _FIELDS or (kind == "ssh-ed25519" and not core.schema.at_least("7.12")):
         return None
     try:
-        blob = base64.b64decode(encoded, validate=True)
+        blob = base64.b64decode(encoded_key, validate=True)
     except (binascii.Error, ValueError):
         return None
     fields = list(_fields(blob))
@@ -99,7 +99,7 @@ def _keys(core: Core, user: str) -> Iterator[SshPublicKey]:
             yield key
 
 
-def authorized(core: Core, user: str, blob: bytes) -> bool:
+def has_authorized_key(core: Core, user: str, blob: bytes) -> bool:
     """Tell whether a user may log in over SSH by this key."""
     return any(key.blob == blob for key in _keys(core, user))
 
@@ -119,16 +119,16 @@ def _place(address: str) -> str:
 
 
 def _from(values: dict[str, str], address: str) -> bool:
-    allowed = values.get("address", "")
+    allowed_networks = values.get("address", "")
     if not address:
         return True  # a local console
     caller = ip_address(address)
-    return not allowed or any(caller in ip_network(part) for part in allowed.split(","))
+    return not allowed_networks or any(caller in ip_network(part) for part in allowed_networks.split(","))
 
 
 NOT_ALLOWED = "failure: not allowed by device-mode"
 INACTIVE = "inactivated, not allowed by device-mode"
-FLAGGED = (
+FLAGGED_MESSAGE = (
     "failure: configuration flagged, check all router configuration for unauthorized changes and update device-mode"
 )
 SUSPICIOUS = ("scheduler", "pptp", "l2tp", "ipsec", "socks", "proxy", "smb")
@@ -177,7 +177,7 @@ COMMANDS = {
 """Commands that are refused where their feature is not allowed."""
 
 
-def allowed(spec: RouterSpec, feature: str) -> bool:
+def is_allowed(spec: RouterSpec, feature: str) -> bool:
     """Tell whether the router may use a feature; before 7.17 nothing was restricted."""
     if version_key(spec.version) < version_key("7.17"):
         return True

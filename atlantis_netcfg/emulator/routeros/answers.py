@@ -14,7 +14,7 @@ class Category(IntEnum):
 
     MISSING = 0
     ARGUMENT = 1
-    INTERRUPTED = 2
+    INTERRUPTION = 2
     SCRIPTING = 3
     GENERAL = 4
     API = 5
@@ -40,9 +40,9 @@ class Answer:
         return cls("!re", tuple(f"={name}={value}" for name, value in properties.items()))
 
     @classmethod
-    def done(cls, ret: str | None = None) -> Answer:
+    def done_reply(cls, ret: str | None = None) -> Answer:
         """The end, with what the command returns."""
-        return DONE if ret is None else cls("!done", (f"=ret={ret}",))
+        return DONE_REPLY if ret is None else cls("!done", (f"=ret={ret}",))
 
     @classmethod
     def fatal(cls, text: str) -> Answer:
@@ -52,7 +52,7 @@ class Answer:
 
 DISK_FULL = "failure: disk full"
 """What a command says that would write more than the flash can take. Assumption: refusal-words"""
-DONE = Answer("!done")
+DONE_REPLY = Answer("!done")
 EMPTY = Answer("!empty")
 
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import allowed
+from atlantis_netcfg.emulator.routeros.access import is_allowed
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.commands._checks import mac_of
 from atlantis_netcfg.emulator.routeros.commands.write import QUEUES, queue_row
 from atlantis_netcfg.emulator.routeros.console.run import run_file, run_script
-from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED, EmulatedMenu, Shape
+from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED_MENUS, EmulatedMenu, Shape
 from atlantis_netcfg.emulator.routeros.store import StoredItem
 from atlantis_netcfg.emulator.routeros.values import reference, seconds, spell
 from atlantis_netcfg.routeros.rsc import quote
@@ -63,13 +63,13 @@ def _lan(spec: RouterSpec) -> Iterator[str]:
     if _is_cpe(spec):
         station = _station(spec)
         yield from station
-        yield from _served(inside=spec.ports[0], outside=spec.radios[0].name if station else None)
+        yield from _services(inside=spec.ports[0], outside=spec.radios[0].name if station else None)
         return
     wan, *lan = spec.ports
     yield "/interface bridge add comment=defconf name=bridge"
     for port in lan:
         yield f"/interface bridge port add bridge=bridge comment=defconf interface={port}"
-    yield from _served(inside="bridge", outside=wan)
+    yield from _services(inside="bridge", outside=wan)
 
 
 def _station(spec: RouterSpec) -> tuple[str, ...]:
@@ -82,7 +82,7 @@ def _station(spec: RouterSpec) -> tuple[str, ...]:
     return ()
 
 
-def _served(inside: str, outside: str | None) -> Iterator[str]:
+def _services(inside: str, outside: str | None) -> Iterator[str]:
     """What the factory serves on the inside, and asks for on the outside, where there is one."""
     yield "/interface list add comment=defconf name=WAN"
     yield "/interface list add comment=defconf name=LAN"
@@ -161,7 +161,7 @@ _LOOPBACK_ID = 0x1000000
 _BUILTIN_USER = "system default user"
 
 
-class SeedRefused(ValueError):
+class SeedError(ValueError):
     """The seed of a spec is not something that this router would take."""
 
 
@@ -169,7 +169,7 @@ def boot(core: Core) -> None:
     """Fill the tables: the factory's rows, the spec's users, certificates and management address, then the seed."""
     for path in INTERFACES:
         core.store.table(path)
-    for path in (*MODELLED, *BUILT_IN):
+    for path in (*MODELLED_MENUS, *BUILT_IN):
         if core.schema.has_menu(path):
             _factory(core, core.store.table(path).menu)
     _ports(core)
@@ -196,8 +196,8 @@ def _factory(core: Core, menu: EmulatedMenu) -> None:
         number = int(row[".id"][1:], 16) if ".id" in row else core.store.new_id(menu.path)
         table.items.append(StoredItem(number, {}, dict(row), dynamic=menu.factory_dynamic))
     for item in table.items:
-        known = {name: value for name, value in (item.factory or {}).items() if name in {*table.args, "name"}}
-        item.values = {name: _parse(core, menu, name, value) for name, value in known.items()}
+        defaults = {name: value for name, value in (item.factory or {}).items() if name in {*table.args, "name"}}
+        item.values = {name: _parse(core, menu, name, value) for name, value in defaults.items()}
         item.factory = {name: spell(value, core.store) for name, value in item.values.items()}
 
 
@@ -206,7 +206,7 @@ def _parse(core: Core, menu: EmulatedMenu, name: str, value: str) -> str:
 
 
 def _ports(core: Core) -> None:
-    menu = MODELLED["/interface/ethernet"]
+    menu = MODELLED_MENUS["/interface/ethernet"]
     table = core.store.table(menu.path)
     for number, port in enumerate(core.spec.ports, start=1):
         mac = mac_of(core.spec.name, number)
@@ -261,7 +261,7 @@ def _people(core: Core) -> None:
         core.store.insert(path, admin)
     for user in spec.users:
         values = {"name": user.name, "group": core.store.refer("group", user.group), "password": user.password}
-        values |= {"disabled": "yes"} if user.disabled else {}
+        values |= {"disabled": "yes"} if user.is_disabled else {}
         values |= {"address": user.address} if user.address else {}
         values |= {"comment": _BUILTIN_USER} if user.name == "admin" else {}
         core.store.insert(path, values)
@@ -277,9 +277,9 @@ def _adopt(core: Core) -> None:
     store, service = core.store, core.store.table("/ip/service")
     port = store.id_of("interface", management.port)
     if port is not None:
-        parsed = _parse(core, MODELLED["/ip/address"], "address", management.address)
+        address = _parse(core, MODELLED_MENUS["/ip/address"], "address", management.address)
         network = str(management.network)
-        values = {"address": parsed, "interface": reference("interface", port), "network": network, "comment": _MARK}
+        values = {"address": address, "interface": reference("interface", port), "network": network, "comment": _MARK}
         store.insert("/ip/address", values)
     for item in service.items:
         if store.text(service, item, "name") == "api-ssl" and core.spec.certificates:
@@ -290,7 +290,7 @@ def _adopt(core: Core) -> None:
 def _seed(core: Core, text: str) -> None:
     error = run_file(core, SYSTEM, text).error if text else None
     if error is not None:
-        raise SeedRefused(f"{core.spec.name}: the seed was refused: {error}")
+        raise SeedError(f"{core.spec.name}: the seed was refused: {error}")
 
 
 _PATH = "/system/scheduler"
@@ -320,7 +320,7 @@ def run_due(core: Core) -> None:
 
 
 def _jobs(core: Core) -> Iterator[tuple[StoredItem, float]]:
-    if not allowed(core.spec, "scheduler"):
+    if not is_allowed(core.spec, "scheduler"):
         return
     table = core.store.table(_PATH)
     for item in table.items:

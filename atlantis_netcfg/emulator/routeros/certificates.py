@@ -49,7 +49,7 @@ class BadRequest(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class CertificateInfo:
     """What a certificate says; `fingerprint` is SHA-256 in hex, as RouterOS prints it."""
 
     fingerprint: str
@@ -84,24 +84,24 @@ def issue(template: Mapping[str, str], *, now: datetime, authority: str | None =
     digest = _DIGESTS.get(template.get("digest-algorithm", "sha256"))
     if digest is None:
         raise BadRequest("digest-algorithm")
-    signed = builder.sign(signer, digest)
+    certificate = builder.sign(signer, digest)
     secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    return (secret + signed.public_bytes(Encoding.PEM)).decode()
+    return (secret + certificate.public_bytes(Encoding.PEM)).decode()
 
 
-def known(pem: str) -> Known:
+def read_certificate(pem: str) -> CertificateInfo:
     """Read what a certificate says about itself."""
-    found = x509.load_pem_x509_certificate(pem.encode())
-    names = found.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    certificate = x509.load_pem_x509_certificate(pem.encode())
+    names = certificate.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
     constraints = [
-        extension.value for extension in found.extensions if isinstance(extension.value, x509.BasicConstraints)
+        extension.value for extension in certificate.extensions if isinstance(extension.value, x509.BasicConstraints)
     ]
-    return Known(
-        fingerprint=found.fingerprint(hashes.SHA256()).hex(),
+    return CertificateInfo(
+        fingerprint=certificate.fingerprint(hashes.SHA256()).hex(),
         common_name=str(names[0].value) if names else "",
-        not_before=found.not_valid_before_utc,
-        not_after=found.not_valid_after_utc,
-        serial=f"{found.serial_number:X}",
+        not_before=certificate.not_valid_before_utc,
+        not_after=certificate.not_valid_after_utc,
+        serial=f"{certificate.serial_number:X}",
         private_key="PRIVATE KEY" in pem,
         authority=any(constraint.ca for constraint in constraints),
     )
@@ -164,7 +164,7 @@ def expires_after(moment: datetime, now: datetime) -> str:
 TLS_CRYPT_SINCE = "7.17rc3"
 _WRAPS = ("tls-crypt", "tls-crypt-v2")
 _BLOCKS = ("ca", "cert", "key", "tls-auth")
-_IGNORED = frozenset(
+_IGNORED_OPTIONS = frozenset(
     ("client", "tls-client", "nobind", "persist-key", "persist-tun", "resolv-retry", "remote-cert-tls", "verb", "pull")
 )
 _CIPHERS = {
@@ -183,12 +183,12 @@ _MODES = {"tun": "ip", "tap": "ethernet"}
 _INLINE = re.compile(r"^<([a-z0-9-]+)>\n(.*?)^</\1>\n?", re.DOTALL | re.MULTILINE)
 
 
-class OvpnRefused(ValueError):
+class OvpnError(ValueError):
     """A file that is not taken; the text is what the router says."""
 
 
 @dataclass(frozen=True, slots=True)
-class Imported:
+class OvpnProfile:
     """What is made of a file."""
 
     values: Mapping[str, str]
@@ -199,7 +199,7 @@ class Imported:
     """The key of `tls-crypt`, which no menu shows."""
 
 
-def read_ovpn(text: str, *, wraps: bool) -> Imported:
+def read_ovpn(text: str, *, wraps: bool) -> OvpnProfile:
     """Read a file; `wraps`: this version knows tls-crypt. Raises OvpnRefused.
 
     Documented: tls-crypt and tls-crypt-v2 only from 7.17 on, with `auth SHA256` and `key-direction 1`; no negotiation,
@@ -214,13 +214,13 @@ def read_ovpn(text: str, *, wraps: bool) -> Imported:
     blocks = {match[1]: match[2] for match in _INLINE.finditer(text)}
     for name in blocks:
         if name not in _BLOCKS and not (wraps and name in _WRAPS):
-            raise OvpnRefused(f"unsupported option '<{name}>'")
+            raise OvpnError(f"unsupported option '<{name}>'")
     options = _options(_INLINE.sub("", text))
     wrap = next((blocks[name] for name in _WRAPS if name in blocks), None)
     values = _values(options)
     if wrap is not None and (values.get("auth"), options.get("key-direction")) != ("sha256", ["1"]):
-        raise OvpnRefused("tls-crypt needs auth SHA256 and key-direction 1")
-    return Imported(values, "".join(blocks.get(name, "") for name in ("cert", "key", "ca")), wrap)
+        raise OvpnError("tls-crypt needs auth SHA256 and key-direction 1")
+    return OvpnProfile(values, "".join(blocks.get(name, "") for name in ("cert", "key", "ca")), wrap)
 
 
 def _options(text: str) -> dict[str, list[str]]:
@@ -233,14 +233,14 @@ def _options(text: str) -> dict[str, list[str]]:
 
 
 def _values(options: Mapping[str, list[str]]) -> dict[str, str]:
-    made: dict[str, str] = {}
+    values: dict[str, str] = {}
     for name, words in options.items():
-        if name in _IGNORED or name == "key-direction":
+        if name in _IGNORED_OPTIONS or name == "key-direction":
             continue
-        made |= _value(name, words)
-    if "connect-to" not in made or "cipher" not in made:
-        raise OvpnRefused(f"missing option '{'remote' if 'connect-to' not in made else 'cipher'}'")
-    return made
+        values |= _value(name, words)
+    if "connect-to" not in values or "cipher" not in values:
+        raise OvpnError(f"missing option '{'remote' if 'connect-to' not in values else 'cipher'}'")
+    return values
 
 
 def _value(name: str, words: list[str]) -> dict[str, str]:
@@ -254,4 +254,4 @@ def _value(name: str, words: list[str]) -> dict[str, str]:
         return {keys.get(name, name): table[re.sub(r"\d+$", "", word) if name == "dev" else word]}
     except (KeyError, IndexError):
         text = name if name not in {"remote", "cipher", "auth", "proto", "dev"} else " ".join([name, *words])
-        raise OvpnRefused(f"unsupported option '{text}'") from None
+        raise OvpnError(f"unsupported option '{text}'") from None

@@ -28,23 +28,23 @@ _AIR = "air"
 """The one command that is about two twins."""
 
 
-class TwinRefused(UsageError, ValueError):
+class ControlError(UsageError, ValueError):
     """A command that twins do not know, or that makes no sense to them."""
 
 
 async def obey(site: EmulatedSite, twin: str, do: str, arguments: Mapping[str, Any]) -> Any:  # noqa: ANN401 (JSON of any shape)
     """Carry out one command; the result is JSON-able. Raises TwinRefused."""
     if twin not in site.routers:
-        raise TwinRefused(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
+        raise ControlError(f"no twin is called {twin!r}", hint=f"there are: {', '.join(site.routers)}")
     if do not in {*COMMANDS, _AIR}:
-        raise TwinRefused(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted([*COMMANDS, _AIR]))}")
+        raise ControlError(f"twins do not know {do!r}", hint=f"they know: {', '.join(sorted([*COMMANDS, _AIR]))}")
     try:
         if do == _AIR:
             return _air(site, twin, arguments)
         bound = inspect.signature(COMMANDS[do]).bind(site.routers[twin], **arguments)
         return await COMMANDS[do](*bound.args, **bound.kwargs)
     except (LookupError, TypeError, ValidationError, Trap) as refused:
-        raise TwinRefused(f"{do}: {refused}") from refused
+        raise ControlError(f"{do}: {refused}") from refused
 
 
 def _air(site: EmulatedSite, twin: str, changes: Mapping[str, Any]) -> None:
@@ -157,8 +157,8 @@ async def _carry(router: EmulatedRouter, **flow: Any) -> dict[str, Any]:  # noqa
     return carry(router.device.core, **flow)
 
 
-async def _wrapped(router: EmulatedRouter, interface: str) -> bool:
-    return router.device.wrapped(interface)
+async def _is_wrapped(router: EmulatedRouter, interface: str) -> bool:
+    return router.device.is_wrapped(interface)
 
 
 COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
@@ -184,6 +184,6 @@ COMMANDS: dict[str, Callable[..., Awaitable[Any]]] = {
     "console": _console,
     "recertify": _recertify,
     "rekey": _rekey,
-    "wrapped": _wrapped,
+    "wrapped": _is_wrapped,
 }
 """What `do` may say; the function's parameters are the command's arguments."""

@@ -47,7 +47,7 @@ class FlashFile:
 
     number: int
     contents: str
-    modified: str
+    modified_at: str
     folder: bool = False
 
 
@@ -68,7 +68,7 @@ class Listener:
     caller: Caller
     tag: str
     call: Call
-    seen: dict[str, dict[str, str]] = field(default_factory=dict)
+    shown_rows: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 @dataclass(slots=True)
@@ -79,16 +79,16 @@ class NetwatchState:
     """The row's own values when it began; others, and it begins anew."""
     at: float
     """When something is to be done for it: send a packet, or give up waiting."""
-    begun: float
+    start: float
     """When its test began."""
-    sent: int = 0
-    answered: int = 0
+    sent_count: int = 0
+    answer_count: int = 0
     waiting: bool = False
     """Every packet is sent, and not every one answered."""
     status: str = "unknown"
     since: float = 0.0
-    done: int = 0
-    failed: int = 0
+    test_count: int = 0
+    failure_count: int = 0
     last: tuple[int, int] = (0, 0)
     """Packets sent and answered in the last complete test."""
 
@@ -98,7 +98,7 @@ class NextHop:
     """A next hop that `check-gateway` watches."""
 
     at: float
-    missed: int = 0
+    missed_count: int = 0
     waiting: bool = False
 
 
@@ -178,16 +178,16 @@ class Core:
         self._topology: Topology | None = None
         self._numbers = 0
 
-    def count(self, port: str, *, received: bool, size: int) -> None:
+    def count(self, port: str, *, is_received: bool, size: int) -> None:
         """Let the byte counter of a port rise."""
         rx, tx = self.octets.get(port, (0, 0))
-        self.octets[port] = (rx + size, tx) if received else (rx, tx + size)
+        self.octets[port] = (rx + size, tx) if is_received else (rx, tx + size)
 
     @property
     def topology(self) -> Topology:
         """The network that the configuration amounts to now."""
         if self._topology is None or self._topology.revision != self.store.revision:
-            self._topology = Topology(self.store, self.linked | connected(self), self.dead)
+            self._topology = Topology(self.store, self.linked | connected_clients(self), self.dead)
         return self._topology
 
     def deviates(self, deviation: Deviation) -> bool:
@@ -242,8 +242,8 @@ class Core:
         groups = self.store.table("/user/group")
         for item in groups.items:
             if self.store.text(groups, item, "name") == caller.group:
-                granted = (self.store.text(groups, item, "policy") or "").split(",")
-                return frozenset(policy for policy in granted if not policy.startswith("!"))
+                policies = (self.store.text(groups, item, "policy") or "").split(",")
+                return frozenset(policy for policy in policies if not policy.startswith("!"))
         return frozenset()
 
 
@@ -254,24 +254,24 @@ class SimState:
     tries_left: int
     pins_entered: int = 0
     """How often a PIN has reached the card since the twin was made: what a test counts."""
-    unlocked: bool = False
-    refused: bool = False
+    is_unlocked: bool = False
+    is_refused: bool = False
     """The latest PIN was wrong."""
-    tried: str | None = None
+    tried_pin: str | None = None
     """The PIN that the modem has entered since it was started, or since another one was set."""
     connected_since: float | None = None
     last_line: str = ""
     """The last line of the log about the card, so that each is written once."""
 
-    def enter(self, given: str, right: str) -> None:
+    def enter(self, pin: str, right: str) -> None:
         """Let the modem enter a PIN: the card counts wrong ones, and a right one resets the count."""
-        self.tried = given
-        if self.unlocked or self.tries_left == 0:
+        self.tried_pin = pin
+        if self.is_unlocked or self.tries_left == 0:
             return
         self.pins_entered += 1
-        self.unlocked = given == right
-        self.refused = not self.unlocked
-        self.tries_left = 3 if self.unlocked else self.tries_left - 1
+        self.is_unlocked = pin == right
+        self.is_refused = not self.is_unlocked
+        self.tries_left = 3 if self.is_unlocked else self.tries_left - 1
 
     def swap(self, tries_left: int) -> None:
         """Another card is put in, or the same one with its count as it is."""
@@ -281,21 +281,21 @@ class SimState:
 
     def restart(self) -> None:
         """The modem starts anew: the card is locked again if it has a PIN."""
-        self.unlocked = self.refused = False
-        self.tried = None
+        self.is_unlocked = self.is_refused = False
+        self.tried_pin = None
         self.connected_since = None
 
 
 CLIENTS = "/interface/ovpn-client"
 
 
-def connected(core: Core) -> frozenset[int]:
+def connected_clients(core: Core) -> frozenset[int]:
     """The OpenVPN clients whose server lets them in."""
-    desired = core.spec.around.tunnels
-    if not desired or not core.schema.has_menu(CLIENTS):
+    open_tunnels = core.spec.around.tunnels
+    if not open_tunnels or not core.schema.has_menu(CLIENTS):
         return frozenset()
     table = core.store.table(CLIENTS)
-    return frozenset(item.id for item in table.items if core.store.text(table, item, "name") in desired)
+    return frozenset(item.id for item in table.items if core.store.text(table, item, "name") in open_tunnels)
 
 
 @dataclass(slots=True)
@@ -331,14 +331,14 @@ class CallResult:
 Handler = Callable[["Core", Call], CallResult]
 
 
-_ROBBED = "[Safe mode released by another user]"
+_TAKEOVER_MESSAGE = "[Safe mode released by another user]"
 
 
 def notify_holder_lost(core: Core, caller: Caller) -> None:
     """Let a console whose safe mode somebody else ends know it."""
     holder = core.history.holder
     if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:
-        core.notices.append((holder.number, _ROBBED))
+        core.notices.append((holder.number, _TAKEOVER_MESSAGE))
 
 
 _CONSOLES = ("ssh", "console")
@@ -350,7 +350,7 @@ class Service:
 
     name: str
     port: int
-    enabled: bool
+    is_enabled: bool
     certificate: str | None
     max_sessions: int
     tls_version: str
@@ -374,7 +374,7 @@ def services_of(core: Core) -> Mapping[str, Service]:
         result[name] = Service(
             name=name,
             port=int(store.text(table, item, "port") or 0),
-            enabled=store.text(table, item, "disabled") != "yes",
+            is_enabled=store.text(table, item, "disabled") != "yes",
             certificate=None if certificate in (None, "none") else certificate,
             max_sessions=int(store.text(table, item, "max-sessions") or 20),
             tls_version=store.text(table, item, "tls-version") or "any",

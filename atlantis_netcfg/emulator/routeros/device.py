@@ -14,13 +14,13 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.emulator.routeros.access import admit, authorized, by_password
-from atlantis_netcfg.emulator.routeros.answers import DONE, EMPTY, NOT_REHEARSED, Answer, Caller, Category, Trap
+from atlantis_netcfg.emulator.routeros.access import admit, by_password, has_authorized_key
+from atlantis_netcfg.emulator.routeros.answers import DONE_REPLY, EMPTY, NOT_REHEARSED, Answer, Caller, Category, Trap
 from atlantis_netcfg.emulator.routeros.boot import boot, next_run, run_due
 from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
 from atlantis_netcfg.emulator.routeros.commands.read import _rows, emit
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
-from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, Printed
+from atlantis_netcfg.emulator.routeros.console.side import ConsoleBackend, ConsoleReply
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile, Listener, Service, services_of
 from atlantis_netcfg.emulator.routeros.network.failover import next_watch, watch
 from atlantis_netcfg.emulator.routeros.network.path import path_open
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.storage import Flash
     from atlantis_netcfg.emulator.routeros.store import HistoryEntry
 
-__all__ = ["NOT_REHEARSED", "Device", "Printed", "Service"]
+__all__ = ["NOT_REHEARSED", "ConsoleReply", "Device", "Service"]
 
 
 @dataclass(slots=True)
@@ -127,7 +127,7 @@ class Device(ConsoleBackend, FileSide):
         return self._core.wants_reboot
 
     @property
-    def ended(self) -> frozenset[int]:
+    def closed_sessions(self) -> frozenset[int]:
         """Numbers of sessions that another session logged out: whoever owns their sockets closes them."""
         return frozenset(self._core.ended)
 
@@ -139,17 +139,19 @@ class Device(ConsoleBackend, FileSide):
 
     def login(self, user: str, password: str, *, via: str, address: str) -> Caller:
         """Open a session over service `via`. Raises Trap in the router's words."""
-        return self._open(user, lambda known: hmac.compare_digest(known.encode(), password.encode()), via, address)
+        return self._open(
+            user, lambda stored_password: hmac.compare_digest(stored_password.encode(), password.encode()), via, address
+        )
 
     def login_by_key(self, user: str, key: bytes, *, via: str, address: str) -> Caller:
         """Open a session for whoever holds the private half of a key. Raises Trap in the router's words."""
-        return self._open(user, lambda _password: authorized(self._core, user, key), via, address)
+        return self._open(user, lambda _password: has_authorized_key(self._core, user, key), via, address)
 
     def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
         """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
 
-        def right(known: str) -> bool:
-            digest = hashlib.md5(b"\0" + known.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
+        def right(stored_password: str) -> bool:
+            digest = hashlib.md5(b"\0" + stored_password.encode() + bytes.fromhex(challenge))  # noqa: S324 - RouterOS' protocol
             return hmac.compare_digest(f"00{digest.hexdigest()}", response.lower())
 
         try:
@@ -159,7 +161,7 @@ class Device(ConsoleBackend, FileSide):
 
     def has_key(self, user: str, key: bytes) -> bool:
         """Tell whether SSH lets this user in by a public key."""
-        return authorized(self._core, user, key)
+        return has_authorized_key(self._core, user, key)
 
     def takes_password(self, user: str) -> bool:
         """Tell whether SSH asks this user for a password: one with a key is not asked, as the settings stand."""
@@ -203,7 +205,7 @@ class Device(ConsoleBackend, FileSide):
             sentence = Sentence.read(words)
             answers = self._answer(caller, sentence)
         except Trap as refusal:
-            answers = [refusal.answer(), DONE]
+            answers = [refusal.answer(), DONE_REPLY]
         emit(self._core)
         next_watch(self._core)  # what is new begins now
         return answers
@@ -214,9 +216,9 @@ class Device(ConsoleBackend, FileSide):
         if sentence.path == "/cancel":
             return self._cancel(caller, sentence)
         if sentence.path == "/login":
-            given = sentence.arguments
-            self.login(given.get("name", ""), given.get("password", ""), via=caller.via, address=caller.address)
-            return [DONE]
+            arguments = sentence.arguments
+            self.login(arguments.get("name", ""), arguments.get("password", ""), via=caller.via, address=caller.address)
+            return [DONE_REPLY]
         call = Call(
             caller,
             sentence.menu,
@@ -227,28 +229,28 @@ class Device(ConsoleBackend, FileSide):
         )
         if sentence.command == "listen":
             return listen(self._core, call, sentence.tag)
-        return self._spoken(dispatch(self._core, call), call)
+        return self._result_answers(dispatch(self._core, call), call)
 
-    def _spoken(self, result: CallResult, call: Call) -> list[Answer]:
+    def _result_answers(self, result: CallResult, call: Call) -> list[Answer]:
         rows = [Answer.row(row) for row in result.rows]
         if call.path in ("/ping", "/tool/ping") and "count" not in call.arguments:
             return rows
         if result.listing and not rows and self._core.schema.at_least("7.18"):
             rows = [EMPTY]
-        return [*rows, Answer.done(result.ret)]
+        return [*rows, Answer.done_reply(result.ret)]
 
     def _cancel(self, caller: Caller, sentence: Sentence) -> list[Answer]:
-        desired = sentence.arguments.get("tag")
-        stopped = [
+        tag = sentence.arguments.get("tag")
+        listeners = [
             listener
             for listener in self._core.listeners
-            if listener.caller.number == caller.number and desired in (None, listener.tag)
+            if listener.caller.number == caller.number and tag in (None, listener.tag)
         ]
-        for item in stopped:
+        for item in listeners:
             self._core.listeners.remove(item)
-            interrupted = Trap("interrupted", Category.INTERRUPTED).answer()
-            self._core.outbox += [(caller.number, item.tag, interrupted), (caller.number, item.tag, DONE)]
-        return [DONE]
+            interruption = Trap("interrupted", Category.INTERRUPTION).answer()
+            self._core.outbox += [(caller.number, item.tag, interruption), (caller.number, item.tag, DONE_REPLY)]
+        return [DONE_REPLY]
 
     def pending(self, caller: Caller) -> list[tuple[str, Answer]]:
         """Later answers of sentences that went on, with the tag of their sentence; each is handed out once."""
@@ -309,21 +311,21 @@ class Device(ConsoleBackend, FileSide):
     # --- what others look at ---------------------------------------------------------------------------------------
 
     def path_open(
-        self, caller: str, local: str, service: str, *, established: bool = False, plug: str | None = None
+        self, caller: str, local: str, service: str, *, is_established: bool = False, plug: str | None = None
     ) -> bool:
         """Would a packet from the technician's address `caller` reach `service` at `local`, and the answer come back.
 
-        `established`: for a session that exists already (its connection is tracked). `plug`: factory name of the port
+        `is_established`: for an existing session (its connection is tracked). `plug`: factory name of the port
         that the technician's cable is in; the management port if left out.
         """
-        return path_open(self._core, caller, local, service, established=established, plug=plug)
+        return path_open(self._core, caller, local, service, is_established=is_established, plug=plug)
 
     def certificate(self, name: str) -> str | None:
         """Key and certificate of a row of `/certificate` as PEM text; None for a template that nobody has signed."""
         number = self._core.store.id_of("certificate", name)
         return None if number is None else self._core.keys.get(number)
 
-    def wrapped(self, interface: str) -> bool:
+    def is_wrapped(self, interface: str) -> bool:
         """Whether an interface of OpenVPN wraps its control channel by tls-crypt; no menu tells."""
         return self._core.store.id_of("interface", interface) in self._core.wraps
 
@@ -383,7 +385,7 @@ class Device(ConsoleBackend, FileSide):
 
     def _beside_rows(self) -> dict[str, Any]:
         core = self._core
-        files = {name: [file.number, file.contents, file.modified, file.folder] for name, file in core.files.items()}
+        files = {name: [file.number, file.contents, file.modified_at, file.folder] for name, file in core.files.items()}
         software = {"version": core.spec.version, "packages": list(core.spec.packages)}
         keys = {str(number): pem for number, pem in core.keys.items()}
         wraps = {str(number): key for number, key in core.wraps.items()}
@@ -395,21 +397,21 @@ class Device(ConsoleBackend, FileSide):
         """Boot from what `snapshot` returned: sessions, safe mode and history are gone, packages get installed."""
         revision = self._core.store.revision
         files = {name: FlashFile(*parts) for name, parts in flash["files"].items()}
-        found = boot_with(self.spec.model_copy(update=_software(flash)), files)
-        upgraded = found.spec.version != flash.get("software", {}).get("version", self.spec.version)
-        before, self._core = self._core, Core(found.spec, self._now, dispatch)
+        software_boot = boot_with(self.spec.model_copy(update=_software(flash)), files)
+        is_upgrade = software_boot.spec.version != flash.get("software", {}).get("version", self.spec.version)
+        before, self._core = self._core, Core(software_boot.spec, self._now, dispatch)
         self._core.resume(before)
-        if upgraded:
+        if is_upgrade:
             boot(self._core)
-        self._core.store.load(flash["configuration"], upgraded=upgraded)
+        self._core.store.load(flash["configuration"], is_upgrade=is_upgrade)
         self._core.store.revision = revision + 1
-        self._core.files = dict(found.files)
+        self._core.files = dict(software_boot.files)
         self._core.keys = {int(number): pem for number, pem in flash.get("keys", {}).items()}
         self._core.wraps = {int(number): key for number, key in flash.get("wraps", {}).items()}
         self._core.greetings = tuple(flash.get("greetings", self._core.greetings))
         self._core.sim.tries_left = flash.get("tries_left", self._core.sim.tries_left)
-        self.spec = found.spec
-        for topics, message in found.log:
+        self.spec = software_boot.spec
+        for topics, message in software_boot.log:
             self._core.note(topics, message)
         self._unroll_at = None
         self._lost.clear()

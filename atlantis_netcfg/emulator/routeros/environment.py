@@ -11,7 +11,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.emulator.routeros.core import Core, connected
+from atlantis_netcfg.emulator.routeros.core import Core, connected_clients
 from atlantis_netcfg.emulator.routeros.spec import Environment
 from atlantis_netcfg.emulator.routeros.values import id_text
 
@@ -45,13 +45,13 @@ def tunnel_addresses(core: Core, path: str) -> list[_Row]:
     """The addresses that the VPN server has given."""
     if path != "/ip/address":
         return []
-    return [_tunnel_address(core, number) for number in sorted(connected(core)) if core.topology.up(number)]
+    return [_tunnel_address(core, number) for number in sorted(connected_clients(core)) if core.topology.up(number)]
 
 
 def _tunnel_address(core: Core, number: int) -> _Row:
     name = core.topology.name(number)
-    given = IPv4Interface(core.spec.around.tunnels[name])
-    local = {"address": str(given), "network": str(given.network.network_address), "interface": name}
+    tunnel_address = IPv4Interface(core.spec.around.tunnels[name])
+    local = {"address": str(tunnel_address), "network": str(tunnel_address.network.network_address), "interface": name}
     flags = {"invalid": "false", "slave": "false", "dynamic": "true", "disabled": "false"}
     return {".id": id_text(core.store.dynamic_id("/ip/address", "ovpn", number)), **local} | {
         "actual-interface": name,
@@ -97,21 +97,26 @@ def heard_names(core: Core) -> list[_Row]:
     """Rows of `/ip/neighbor`: who is called what on the interfaces where discovery listens."""
     settings = core.store.table("/ip/neighbor/discovery-settings")
     result = []
-    for number, called in enumerate(core.spec.around.called, start=1):
-        interface = core.topology.by_name(called.interface)
+    for number, neighbour in enumerate(core.spec.around.called, start=1):
+        interface = core.topology.by_name(neighbour.interface)
         if (
             interface is None
             or not core.topology.up(interface.id)
             or not _listens(core, settings.items[0], interface.id)
         ):
             continue
-        address = {} if called.address is None else {"address": called.address, "address4": called.address}
-        row = {".id": id_text(number), "interface": called.interface, **address, "mac-address": called.mac.upper()}
+        address = {} if neighbour.address is None else {"address": neighbour.address, "address4": neighbour.address}
+        row = {
+            ".id": id_text(number),
+            "interface": neighbour.interface,
+            **address,
+            "mac-address": neighbour.mac.upper(),
+        }
         row |= {
-            "identity": called.identity,
-            "platform": called.platform,
-            "version": called.version,
-            "board": called.board,
+            "identity": neighbour.identity,
+            "platform": neighbour.platform,
+            "version": neighbour.version,
+            "board": neighbour.board,
         }
         result.append({**row, "age": "12s", "discovered-by": "mndp", "unpack": "none"})
     return result
@@ -121,9 +126,9 @@ def _listens(core: Core, settings: StoredItem, interface: int) -> bool:
     """`discover-interface-list` is a list, or `!` and a list."""
     table = core.store.table("/ip/neighbor/discovery-settings")
     number = core.store.target(table, settings, "discover-interface-list")
-    spelled = core.store.text(table, settings, "discover-interface-list") or ""
-    listed = number is not None and core.topology.listed(number, interface)
-    return not listed if spelled.startswith("!") else listed
+    text = core.store.text(table, settings, "discover-interface-list") or ""
+    is_member = number is not None and core.topology.is_in_list(number, interface)
+    return not is_member if text.startswith("!") else is_member
 
 
 def load_of(core: Core, port: str, setting: str) -> _Row:

@@ -51,7 +51,7 @@ class ModemSettings:
 
     item: StoredItem
     name: str
-    enabled: bool
+    is_enabled: bool
     pin: str
     allow_roaming: bool
     bands: frozenset[int]
@@ -71,17 +71,17 @@ def settings_of(core: Core) -> ModemSettings | None:
     item = next((row for row in table.items if (row.factory or {}).get("name") == core.spec.modem.name), None)
     if item is None:
         return None
-    given = {name: core.store.text(table, item, name) or "" for name in table.args}
-    profile = _profile(core, given.get("apn-profiles", "").split(",")[0])
+    values = {name: core.store.text(table, item, name) or "" for name in table.args}
+    profile = _profile(core, values.get("apn-profiles", "").split(",")[0])
     return ModemSettings(
         item=item,
-        name=given["name"],
-        enabled=given.get("disabled") != "yes",
-        pin=given.get("pin", ""),
-        allow_roaming=given.get("allow-roaming") == "yes",
-        bands=frozenset(int(entry) for entry in given.get("band", "").split(",") if entry),
-        modes=frozenset(word for word in given.get("network-mode", "").split(",") if word),
-        operator=given.get("operator", ""),
+        name=values["name"],
+        is_enabled=values.get("disabled") != "yes",
+        pin=values.get("pin", ""),
+        allow_roaming=values.get("allow-roaming") == "yes",
+        bands=frozenset(int(entry) for entry in values.get("band", "").split(",") if entry),
+        modes=frozenset(word for word in values.get("network-mode", "").split(",") if word),
+        operator=values.get("operator", ""),
         apn=profile.get("apn", ""),
         network_apn=profile.get("use-network-apn") == "yes",
         default_route=profile.get("add-default-route") == "yes",
@@ -100,19 +100,19 @@ def _profile(core: Core, name: str) -> dict[str, str]:
 def phase_of(core: Core, mine: ModemSettings) -> ModemPhase:
     """Tell how far the modem comes with these settings."""
     modem, state = core.spec.modem, core.sim
-    if modem is None or not mine.enabled:
+    if modem is None or not mine.is_enabled:
         return ModemPhase.OFF
     if modem.sim is None:
         return ModemPhase.NO_SIM
-    if modem.sim.pin and not state.unlocked:
+    if modem.sim.pin and not state.is_unlocked:
         return ModemPhase.PUK if state.tries_left == 0 else ModemPhase.PIN
     return _on_air(modem, modem.sim, mine)
 
 
 def _on_air(modem: ModemSpec, sim: SimSpec, mine: ModemSettings) -> ModemPhase:
     cell = modem.cell
-    desired = mine.bands or frozenset(modem.bands)
-    deaf = cell is None or not desired & set(cell.bands) & set(modem.bands)
+    allowed_bands = mine.bands or frozenset(modem.bands)
+    deaf = cell is None or not allowed_bands & set(cell.bands) & set(modem.bands)
     if cell is None or deaf or (mine.modes and "lte" not in mine.modes) or mine.operator not in {"", cell.plmn}:
         return ModemPhase.SEARCHING
     if cell.denies:
@@ -129,13 +129,13 @@ def settle(core: Core) -> None:
     if mine is None or core.spec.modem is None:
         return
     state, sim = core.sim, core.spec.modem.sim
-    if not mine.enabled:
+    if not mine.is_enabled:
         state.restart()
     elif not mine.pin:
-        state.tried, state.refused = None, False
-    elif sim is not None and sim.pin and mine.pin and mine.pin != state.tried:
+        state.tried_pin, state.is_refused = None, False
+    elif sim is not None and sim.pin and mine.pin and mine.pin != state.tried_pin:
         state.enter(mine.pin, sim.pin)
-        _tell(core, f"{mine.name}: rcvd +CME ERROR: 16" if state.refused else "")
+        _tell(core, f"{mine.name}: rcvd +CME ERROR: 16" if state.is_refused else "")
     phase = phase_of(core, mine)
     answer = {
         ModemPhase.NO_SIM: "+CME ERROR: 10",
@@ -143,7 +143,7 @@ def settle(core: Core) -> None:
         ModemPhase.PUK: "+CPIN: SIM PUK",
     }.get(phase)
     if answer is not None:
-        _tell(core, f"{mine.name}: rcvd {answer}", requested=f"{mine.name}: sent AT+CPIN?")
+        _tell(core, f"{mine.name}: rcvd {answer}", request_line=f"{mine.name}: sent AT+CPIN?")
     _connect(core, mine, up=phase is ModemPhase.CONNECTED)
 
 
@@ -156,10 +156,10 @@ def refit(core: Core, changes: Mapping[str, Any]) -> dict[str, Any]:
     if modem is None:
         raise LookupError(f"{core.spec.name} has no modem")
     parts = {name: _part(getattr(modem, name, None), part) for name, part in changes.items()}
-    changed = type(modem).model_validate({**modem.model_dump(), **parts})
-    core.spec = core.spec.model_copy(update={"modem": changed})
+    new_modem = type(modem).model_validate({**modem.model_dump(), **parts})
+    core.spec = core.spec.model_copy(update={"modem": new_modem})
     if "sim" in changes:
-        core.sim.swap(changed.sim.tries if changed.sim is not None else 0)
+        core.sim.swap(new_modem.sim.tries if new_modem.sim is not None else 0)
     settle(core)
     mine = settings_of(core)
     phase = ModemPhase.OFF if mine is None else phase_of(core, mine)
@@ -172,12 +172,12 @@ def _part(before: BaseModel | None, changes: Mapping[str, Any] | None) -> dict[s
     return {**(before.model_dump() if before is not None else {}), **changes}
 
 
-def _tell(core: Core, line: str, *, requested: str | None = None) -> None:
+def _tell(core: Core, line: str, *, request_line: str | None = None) -> None:
     """Write what the modem answers to the log, once for each answer."""
     if not line or line == core.sim.last_line:
         return
     core.sim.last_line = line
-    for text in (requested, line):
+    for text in (request_line, line):
         if text is not None:
             core.note("lte,async", text)
 
@@ -192,7 +192,7 @@ def _connect(core: Core, mine: ModemSettings, *, up: bool) -> None:
     core.note("interface,info", f"{mine.name} link {'up' if up else 'down'}")
 
 
-def made(core: Core, path: str) -> list[dict[str, str]]:
+def modem_rows(core: Core, path: str) -> list[dict[str, str]]:
     """The address and the default route that the device makes by itself while the modem is connected."""
     mine = settings_of(core) if path in {"/ip/address", "/ip/route"} else None
     modem = core.spec.modem

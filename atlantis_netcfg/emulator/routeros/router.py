@@ -10,7 +10,7 @@ import asyncio
 from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.emulator.routeros.certificates import known
+from atlantis_netcfg.emulator.routeros.certificates import read_certificate
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
 from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection, fingerprint, host_key
@@ -76,7 +76,7 @@ class EmulatedRouter:
         self._issue()
         self._board = Switchboard(
             self.device,
-            changed=self._changed,
+            on_change=self._handle_change,
             certificate=self._certificate,
             tallies=self._tallies,
             others={"ssh": self._shell},
@@ -149,7 +149,7 @@ class EmulatedRouter:
         """SHA-256 of the certificate that api-ssl shows, in hex; None if it has none."""
         service = self.device.services().get("api-ssl")
         pem = None if service is None or service.certificate is None else self.device.certificate(service.certificate)
-        return None if pem is None else known(pem).fingerprint
+        return None if pem is None else read_certificate(pem).fingerprint
 
     @property
     def serial(self) -> str | None:
@@ -279,10 +279,10 @@ class EmulatedRouter:
         """It is down, after a reboot or a power cut."""
         return self._board.booting
 
-    def on_radio(self, changed: Callable[[], None] | None, carried: Callable[[], bool] | None) -> None:
+    def on_radio(self, on_change: Callable[[], None] | None, carries: Callable[[], bool] | None) -> None:
         """Who is told when this router changes; and, where it is reached by radio, who says whether packets come."""
-        self._radio, self._carried = changed, carried
-        self._board.radio, self._board.carried = changed, carried
+        self._radio, self._carried = on_change, carries
+        self._board.radio, self._board.carried = on_change, carries
 
     def regate(self) -> None:
         """Let what has happened in the air take effect on its connections."""
@@ -307,7 +307,7 @@ class EmulatedRouter:
     def _shell(self, host: RouterHost, address: str) -> LinkMember:
         return SshConnection(host, self.device, address=address, key=lambda: host_key(self._flash.host_key))
 
-    async def _changed(self) -> None:
+    async def _handle_change(self) -> None:
         await self._doors.align(self.device.services())
         if self.spec.first_contact is not None:
             await self._side_doors.align(self.device.services())

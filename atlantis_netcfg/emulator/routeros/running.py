@@ -31,7 +31,7 @@ _PATIENCE_S = 30.0
 _LAST_LINES = 5
 
 
-class TwinsFailed(NetcfgError):
+class EmulatorError(NetcfgError):
     """The twins could not be started, or have died: a fault of ours, not of any device."""
 
 
@@ -109,9 +109,9 @@ class SpawnedSite:
             self._say({"twin": twin, "do": command, **arguments})
             answer = self._hear()
         if not answer["ok"]:
-            from atlantis_netcfg.emulator.routeros.control import TwinRefused  # noqa: PLC0415 - see above
+            from atlantis_netcfg.emulator.routeros.control import ControlError  # noqa: PLC0415 - see above
 
-            raise TwinRefused(answer["error"], hint=answer.get("hint"))
+            raise ControlError(answer["error"], hint=answer.get("hint"))
         return answer["result"]
 
     def close(self) -> None:
@@ -131,7 +131,7 @@ class SpawnedSite:
         values = self._hear()
         if not values["ready"]:
             self.close()
-            raise TwinsFailed(f"the twins of {values['site']} do not start: {values['error']}")
+            raise EmulatorError(f"the twins of {values['site']} do not start: {values['error']}")
         twins: dict[str, Any] = values["twins"]
         return twins
 
@@ -149,13 +149,13 @@ class SpawnedSite:
         values: dict[str, Any] = json.loads(line)
         return values
 
-    def _death(self) -> TwinsFailed:
+    def _death(self) -> EmulatorError:
         """Show the end of its log, which goes with the rehearsal."""
         last: list[str] = []
         with suppress(OSError):
             last = self._log.read_text(encoding="utf-8", errors="replace").splitlines()[-_LAST_LINES:]
         hint = "type the same command again" if not last else "\n".join(("the end of its log:", *last))
-        return TwinsFailed("the process of the emulated devices has ended", hint=hint)
+        return EmulatorError("the process of the emulated devices has ended", hint=hint)
 
 
 def spawn(spec: SiteSpec, state_dir: Path) -> SpawnedSite:

@@ -14,7 +14,7 @@ What is known of versions below 7.16 (`BOUNDARIES`), and what is not:
   RouterOS 6; everything else is taken to be as in 7.16, which it surely is not. A menu that is not in that tree is not
   rehearsed there, and no refusal of RouterOS 6 but those that adoption may meet (`console/run.py`).
 
-What no tree can know (`ADDED`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
+What no tree can know (`ADDITIONS`, `BOARD_FEATURES`, `PACKAGE_MENUS`): hardware that a Cloud Hosted Router lacks, and
 packages. Sources: Manual, CLI reference (`/interface/ethernet`, `poe`, `/system/routerboard`); Manual, Packages.
 """
 
@@ -37,7 +37,7 @@ class Source(StrEnum):
     TREE = "command trees of tikoci/restraml"
     MANUAL = "Manual: Moving from ROSv6 to ROSv7, OpenVPN, VRF, NTP, Device-mode, WireGuard, Container, Netwatch"
     EXPORT = "verbose exports of RouterOS 6.43.8 do not show it"
-    ASSUMED = "first seen in the tree of 7.9, not known to any description of RouterOS 6"
+    ASSUMPTION = "first seen in the tree of 7.9, not known to any description of RouterOS 6"
     """Assumption: first-versions"""
 
 
@@ -117,17 +117,17 @@ _NEWER_THAN_6 = (
     *_menus("7.0", Source.MANUAL, "/routing/filter/rule /system/ntp/client/servers"),
     _row("7.0", "/ip/route", _ADD, "routing-table blackhole suppress-hw-offload", Source.MANUAL),
     _row("7.0", "/interface/ovpn-client", _ADD, "protocol", Source.MANUAL),
-    _row("7.0", "/interface/ovpn-client", _ADD, "disconnect-notify use-peer-dns", Source.ASSUMED),
+    _row("7.0", "/interface/ovpn-client", _ADD, "disconnect-notify use-peer-dns", Source.ASSUMPTION),
     _row("7.9", "/interface/ovpn-client", _ADD, "route-nopull tls-version", Source.TREE),
     Boundary("/interface/ovpn-client", ("import-ovpn-configuration",), since="7.9"),
     _row("7.0", "/ip/service", _SET, "vrf", Source.EXPORT),
     _row("7.0", "/ip/socks", _SET, "vrf", Source.EXPORT),
     _row("7.0", "/system/ntp/client", _SET, "mode servers vrf", Source.EXPORT),
-    Boundary("/file", ("add",), since="7.9", source=Source.ASSUMED),
-    _row("7.9", "/", ("execute",), "as-string", Source.ASSUMED),
+    Boundary("/file", ("add",), since="7.9", source=Source.ASSUMPTION),
+    _row("7.9", "/", ("execute",), "as-string", Source.ASSUMPTION),
     _row("7.0", "/", ("export",), "show-sensitive", Source.MANUAL),
-    Boundary("/console", ("inspect",), since="7.9", source=Source.ASSUMED),
-    _row("7.9", "/tool/netwatch", _ADD, "name type", Source.ASSUMED),
+    Boundary("/console", ("inspect",), since="7.9", source=Source.ASSUMPTION),
+    _row("7.9", "/tool/netwatch", _ADD, "name type", Source.ASSUMPTION),
 )
 
 BOUNDARIES: tuple[Boundary, ...] = (*_NEWER_THAN_6, *_BELOW_7_16)
@@ -149,7 +149,7 @@ OLDEST_TREE = "7.9"
 
 
 @dataclass(frozen=True, slots=True)
-class Added:
+class Addition:
     """A command, and arguments, that a device has and the tree does not show; `feature` is of BOARD_FEATURES."""
 
     menu: str
@@ -185,22 +185,22 @@ _ROUTERBOARD = (
     "silent-boot",
 )
 
-ADDED = (
-    Added("/interface/ethernet", "set", _POE, feature="poe"),
-    Added("/interface/ethernet/poe", "print", _PRINT, feature="poe"),
-    Added("/interface/ethernet/poe", "get", _GET, feature="poe"),
-    Added("/interface/ethernet/poe", "find", ("where",), feature="poe"),
-    Added("/interface/ethernet/poe", "set", (*_POE, "numbers"), feature="poe"),
-    Added("/interface/ethernet/poe", "monitor", ("as-value", "numbers", "once"), feature="poe"),
-    Added("/interface/ethernet/poe", "power-cycle", ("duration", "numbers"), feature="poe"),
-    Added("/ip/neighbor/discovery-settings", "set", ("lldp-poe-power",), feature="poe"),
-    Added("/system/routerboard", "print", ("as-value", "without-paging"), feature="routerboard"),
-    Added("/system/routerboard", "get", ("value-name",), feature="routerboard"),
-    Added("/system/routerboard/settings", "print", ("as-value", "without-paging"), feature="routerboard"),
-    Added("/system/routerboard/settings", "get", ("value-name",), feature="routerboard"),
-    Added("/system/routerboard/settings", "set", _ROUTERBOARD, feature="routerboard"),
-    *(Added("/ip/firewall/filter", each, ("hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
-    *(Added("/ip/route", each, ("suppress-hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
+ADDITIONS = (
+    Addition("/interface/ethernet", "set", _POE, feature="poe"),
+    Addition("/interface/ethernet/poe", "print", _PRINT, feature="poe"),
+    Addition("/interface/ethernet/poe", "get", _GET, feature="poe"),
+    Addition("/interface/ethernet/poe", "find", ("where",), feature="poe"),
+    Addition("/interface/ethernet/poe", "set", (*_POE, "numbers"), feature="poe"),
+    Addition("/interface/ethernet/poe", "monitor", ("as-value", "numbers", "once"), feature="poe"),
+    Addition("/interface/ethernet/poe", "power-cycle", ("duration", "numbers"), feature="poe"),
+    Addition("/ip/neighbor/discovery-settings", "set", ("lldp-poe-power",), feature="poe"),
+    Addition("/system/routerboard", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Addition("/system/routerboard", "get", ("value-name",), feature="routerboard"),
+    Addition("/system/routerboard/settings", "print", ("as-value", "without-paging"), feature="routerboard"),
+    Addition("/system/routerboard/settings", "get", ("value-name",), feature="routerboard"),
+    Addition("/system/routerboard/settings", "set", _ROUTERBOARD, feature="routerboard"),
+    *(Addition("/ip/firewall/filter", each, ("hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
+    *(Addition("/ip/route", each, ("suppress-hw-offload",), since="7.21", feature="routerboard") for each in _CHANGE),
 )
 """At 7.21 the two arguments of hardware offloading left the tree of the Cloud Hosted Router, which has no switch chip;
 the manual (L3 Hardware Offloading) still describes them. Assumption: board-hw-offload"""
@@ -234,7 +234,7 @@ _WHOLE = ("7.16", "7.18.2", "7.21.5")
 """Trees that are files of their own; of the others the changes are kept (`data/README.md`)."""
 _MENU_TYPES = ("dir", "path")
 _PRINT_FORMS = ("getall", "listen")
-_NEEDED, _OLDEST_NEEDED = "required.json", "7.20.8"
+_REQUIRED_FILE, _OLDEST_NEEDED = "required.json", "7.20.8"
 
 
 @cache
@@ -249,8 +249,8 @@ def version_key(version: str) -> tuple[int, ...]:
 
 @cache
 def _load(name: str) -> dict[str, Any]:
-    packed = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data", name).read_bytes()
-    data: dict[str, Any] = json.loads(gzip.decompress(packed))
+    content = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data", name).read_bytes()
+    data: dict[str, Any] = json.loads(gzip.decompress(content))
     return data
 
 
@@ -259,10 +259,10 @@ def _tree(version: str) -> dict[str, Any]:
     if version in _WHOLE:
         return _load(f"{version}.json.gz")
     step = _load("changes.json.gz")[version]
-    return _patched(_tree(step["after"]), step["change"])
+    return _merge_patch(_tree(step["after"]), step["change"])
 
 
-def _patched(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
+def _merge_patch(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any]:
     """Apply a JSON merge patch (RFC 7396); what it leaves alone is shared with the older tree."""
     result = dict(node)
     for name, child in patch.items():
@@ -270,7 +270,7 @@ def _patched(node: Mapping[str, Any], patch: Mapping[str, Any]) -> dict[str, Any
             result.pop(name, None)
         elif isinstance(child, dict):
             old = result.get(name)
-            result[name] = _patched(old if isinstance(old, dict) else {}, child)
+            result[name] = _merge_patch(old if isinstance(old, dict) else {}, child)
         else:
             result[name] = child
     return result
@@ -281,11 +281,11 @@ TREES = tuple(sorted((*_WHOLE, *_load("changes.json.gz")), key=version_key))
 
 
 @cache
-def offered(menu: str, argument: str) -> tuple[str, ...]:
+def offered_values(menu: str, argument: str) -> tuple[str, ...]:
     """Return the values that the console of 7.21.5 offers for an argument; free values are not among them."""
     values = _load("7.21.5.values.json.gz")
-    found = values.get(f"{menu}/add {argument}") or values.get(f"{menu}/set {argument}") or []
-    return tuple(value for value in found if value not in ("!", ",", "!,"))
+    offers = values.get(f"{menu}/add {argument}") or values.get(f"{menu}/set {argument}") or []
+    return tuple(value for value in offers if value not in ("!", ",", "!,"))
 
 
 _NAMING = (("get", "number"), ("print", "from"), ("set", "numbers"))
@@ -306,34 +306,36 @@ def recorded_rows() -> Mapping[str, frozenset[str]]:
     return rows
 
 
-def described(menu: str, argument: str) -> str:
+def description(menu: str, argument: str) -> str:
     """Return what the tree of 7.21.5 says of the values of an argument: `A.B.C.D    (IP address)`; often nothing."""
     node: Any = _tree("7.21.5")
     for part in menu.strip("/").split("/"):
         node = node.get(part, {})
-    found = (node[command][argument] for command in _CHANGE if argument in node.get(command, {}))
-    return str(next((each.get("desc", "") for each in found), ""))
+    nodes = (node[command][argument] for command in _CHANGE if argument in node.get(command, {}))
+    return str(next((each.get("desc", "") for each in nodes), ""))
 
 
 def menus_named(menu: str, argument: str) -> tuple[str, ...]:
     """Return the menus whose rows an argument may name: the words offered for it were the names of all their rows."""
-    names = frozenset(offered(menu, argument)) - _NO_ROW
+    names = frozenset(offered_values(menu, argument)) - _NO_ROW
     return tuple(path for path, rows in recorded_rows().items() if names and rows - _NO_ROW == names)
 
 
 @cache
-def needed(version: str, menu: str) -> tuple[str, ...] | str:
+def required_arguments(version: str, menu: str) -> tuple[str, ...] | str:
     """Return the arguments without which `add` is refused, or the words said to an `add` with no argument at all.
 
     As devices of three versions said it; an older device is held to the oldest of them.
     Assumption: offered-values
     """
-    found: list[str] | str = []
-    data = json.loads(resources.files("atlantis_netcfg.emulator.routeros").joinpath("data", _NEEDED).read_bytes())
-    for recorded, rows in data.items():
-        if recorded == _OLDEST_NEEDED or version_key(version) >= version_key(recorded):
-            found = rows.get(menu, found)
-    return found if isinstance(found, str) else tuple(found)
+    arguments: list[str] | str = []
+    data = json.loads(
+        resources.files("atlantis_netcfg.emulator.routeros").joinpath("data", _REQUIRED_FILE).read_bytes()
+    )
+    for recorded_version, rows in data.items():
+        if recorded_version == _OLDEST_NEEDED or version_key(version) >= version_key(recorded_version):
+            arguments = rows.get(menu, arguments)
+    return arguments if isinstance(arguments, str) else tuple(arguments)
 
 
 @dataclass(frozen=True, slots=True)
@@ -390,7 +392,7 @@ class Schema:
             node = node.get(part) if isinstance(node, Mapping) else None
         return node if isinstance(node, Mapping) else None
 
-    def _installed(self, menu: str) -> bool:
+    def _is_installed(self, menu: str) -> bool:
         for package, prefix in PACKAGE_MENUS:
             if (menu == prefix or menu.startswith(prefix + "/")) and package not in self.packages:
                 return package in WITHIN_ROUTEROS and not self.at_least(WITHIN_ROUTEROS[package])
@@ -401,7 +403,7 @@ class Schema:
 class _Words:
     """How the vocabulary of a router differs from the tree that it is held to."""
 
-    added: Mapping[str, Mapping[str, frozenset[str]]]
+    additions: Mapping[str, Mapping[str, frozenset[str]]]
     """By menu and command: arguments."""
     lacking: frozenset[tuple[str, str, str]]
     """Menu, command, argument; the last two are empty where the whole menu, the last where the whole command lacks."""
@@ -409,15 +411,15 @@ class _Words:
 
 @cache
 def _words(schema: Schema) -> _Words:
-    added: dict[str, dict[str, frozenset[str]]] = {}
+    additions: dict[str, dict[str, frozenset[str]]] = {}
     lacking: set[tuple[str, str, str]] = set()
-    for row in ADDED:
+    for row in ADDITIONS:
         if schema.at_least(row.since) and (row.feature is None or row.feature in schema.features):
-            _add(added, row.menu, row.command, row.arguments)
+            _add(additions, row.menu, row.command, row.arguments)
     for boundary in BOUNDARIES:
         if not schema.at_least(boundary.since):
             lacking.update(_cells(boundary))
-    return _Words(added, frozenset(lacking))
+    return _Words(additions, frozenset(lacking))
 
 
 def _cells(row: Boundary) -> Iterator[tuple[str, str, str]]:
@@ -426,8 +428,8 @@ def _cells(row: Boundary) -> Iterator[tuple[str, str, str]]:
             yield row.menu, command, name
 
 
-def _add(added: dict[str, dict[str, frozenset[str]]], menu: str, command: str, names: Iterable[str]) -> None:
-    commands = added.setdefault(menu, {})
+def _add(additions: dict[str, dict[str, frozenset[str]]], menu: str, command: str, names: Iterable[str]) -> None:
+    commands = additions.setdefault(menu, {})
     commands[command] = commands.get(command, frozenset()) | frozenset(names)
 
 
@@ -445,17 +447,19 @@ def _newest(schema: Schema) -> str:
 @cache
 def _has_menu(schema: Schema, menu: str) -> bool:
     words = _words(schema)
-    if not schema._installed(menu) or _lacks(words, menu):  # noqa: SLF001
+    if not schema._is_installed(menu) or _lacks(words, menu):  # noqa: SLF001
         return False
     node = schema._node(menu)  # noqa: SLF001
-    return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.added
+    return (node is not None and node["_type"] in _MENU_TYPES) or menu in words.additions
 
 
 @cache
 def _submenus(schema: Schema, menu: str) -> frozenset[str]:
     prefix = menu.rstrip("/") + "/"
     names = {name for name, child in schema._children(menu) if child["_type"] in _MENU_TYPES}  # noqa: SLF001
-    names.update(path.removeprefix(prefix).split("/")[0] for path in _words(schema).added if path.startswith(prefix))
+    names.update(
+        path.removeprefix(prefix).split("/")[0] for path in _words(schema).additions if path.startswith(prefix)
+    )
     return frozenset(name for name in names if schema.has_menu(prefix + name))
 
 
@@ -468,7 +472,7 @@ def _menu_words(schema: Schema, menu: str) -> frozenset[str]:
 def _commands(schema: Schema, menu: str) -> frozenset[str]:
     words = _words(schema)
     names = {name for name, child in schema._children(menu) if child["_type"] == "cmd"}  # noqa: SLF001
-    names.update(words.added.get(menu, ()))
+    names.update(words.additions.get(menu, ()))
     return frozenset(name for name in names if (menu, name, "") not in words.lacking)
 
 
@@ -479,11 +483,11 @@ def _arguments(schema: Schema, menu: str, command: str) -> frozenset[str]:
     words = _words(schema)
     node = (schema._node(menu) or {}).get(command, {})  # noqa: SLF001
     names = {name for name, child in node.items() if isinstance(child, Mapping) and child["_type"] == "arg"}
-    names |= words.added.get(menu, {}).get(command, frozenset())
+    names |= words.additions.get(menu, {}).get(command, frozenset())
     return frozenset(name for name in names if (menu, command, name) not in words.lacking)
 
 
 def features_of(board: str, *, poe: bool) -> frozenset[str]:
     """Return the board features of a router: every RouterBOARD is one, and PoE is what its spec says."""
-    found = {"routerboard"} if not board.startswith("CHR") else set()
-    return frozenset(found | ({"poe"} if poe else set())) & BOARD_FEATURES
+    features = {"routerboard"} if not board.startswith("CHR") else set()
+    return frozenset(features | ({"poe"} if poe else set())) & BOARD_FEATURES

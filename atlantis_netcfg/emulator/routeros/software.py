@@ -75,38 +75,40 @@ class Boot:
 
 def boot_with(spec: RouterSpec, files: Mapping[str, FlashFile]) -> Boot:
     """Install the packages in the root folder: all of the new system's version, or those that are installed already."""
-    found = {
+    packages = {
         name: package
         for name, file in files.items()
         if name.endswith(".npk") and "/" not in name and (package := package_file(file.contents)) is not None
     }
-    if not found:
+    if not packages:
         return Boot(spec, files)
     local = _X86.get(spec.architecture, spec.architecture)
-    right = {name: entry for name, entry in found.items() if _X86.get(entry.architecture, entry.architecture) == local}
+    right = {
+        name: entry for name, entry in packages.items() if _X86.get(entry.architecture, entry.architecture) == local
+    }
     log = [
         (
             "system,error",
             f"can not install {item.package}-{item.version}: it is made for {item.architecture}, not {local}",
         )
-        for name, item in found.items()
+        for name, item in packages.items()
         if name not in right
     ]
-    after = _installed(spec, tuple(right.values()), log)
-    left = {name: file for name, file in files.items() if name not in found}
-    return Boot(after, left, tuple(log))
+    after = _install(spec, tuple(right.values()), log)
+    remaining_files = {name: file for name, file in files.items() if name not in packages}
+    return Boot(after, remaining_files, tuple(log))
 
 
-def _installed(spec: RouterSpec, given: tuple[PackageFile, ...], log: list[tuple[str, str]]) -> RouterSpec:
-    system = next((entry for entry in given if entry.package == _MAIN), None)
+def _install(spec: RouterSpec, candidates: tuple[PackageFile, ...], log: list[tuple[str, str]]) -> RouterSpec:
+    system = next((entry for entry in candidates if entry.package == _MAIN), None)
     version = system.version if system is not None else spec.version
-    fit = [each.package for each in given if each.version == version]
+    fit = [each.package for each in candidates if each.version == version]
     log.extend(
         ("system,error", f"can not install {item.package}-{item.version}: system-{item.version} is needed")
-        for item in given
+        for item in candidates
         if item.version != version
     )
-    kept = spec.packages if version == spec.version else ()
+    kept_packages = spec.packages if version == spec.version else ()
     if version != spec.version:
         log.extend(
             ("system,info", f"removed {name}-{spec.version}: it needs system-{spec.version}")
@@ -114,5 +116,5 @@ def _installed(spec: RouterSpec, given: tuple[PackageFile, ...], log: list[tuple
             if name not in fit
         )
     log.extend(("system,info", f"installed {name}-{version}") for name in fit)
-    packages = tuple(dict.fromkeys((*kept, *sorted(fit))))
+    packages = tuple(dict.fromkeys((*kept_packages, *sorted(fit))))
     return spec.model_copy(update={"version": version, "packages": packages})

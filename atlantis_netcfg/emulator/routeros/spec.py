@@ -29,7 +29,7 @@ class User(_Spec):
     name: str
     password: str = ""
     group: str = "full"
-    disabled: bool = False
+    is_disabled: bool = False
     address: str = ""
 
 
@@ -74,7 +74,7 @@ class DeviceMode(_Spec):
 
     mode: DeviceModeName = DeviceModeName.ADVANCED
     features: dict[str, bool] = Field(default_factory=dict)
-    flagged: bool = False
+    is_flagged: bool = False
 
 
 class Deviation(StrEnum):
@@ -101,7 +101,7 @@ class Deviation(StrEnum):
     """An offered list loses a word in every other answer."""
     NAMES = "name-in-routes"
     """A route goes on naming an interface as it was called when the route was added."""
-    NESTED = "parse-nested"
+    NESTED_EXECUTE = "parse-nested"
     """`:execute` within a script gives the number of a job, also with `as-string`."""
     PARSE_WORDS = "parse-words"
     """The parser tells mistakes in words of its own."""
@@ -209,7 +209,7 @@ class Load(_Spec):
     """In place of `powered-on`: `short-circuit`, `overload`, `current-too-low`."""
 
 
-class Called(_Spec):
+class DiscoveryNeighbour(_Spec):
     """A device that tells its name by MNDP, CDP or LLDP."""
 
     identity: str
@@ -244,7 +244,7 @@ class Environment(_Spec):
 
     cards: dict[str, str] = Field(default_factory=dict)
     """Address to the MAC that answers there: they answer pings and ARP, like `neighbours` of the router's own spec."""
-    called: tuple[Called, ...] = ()
+    called: tuple[DiscoveryNeighbour, ...] = ()
     plugged: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     """Port (factory name) to the MACs that its bridge has heard on it."""
     loads: dict[str, Load] = Field(default_factory=dict)

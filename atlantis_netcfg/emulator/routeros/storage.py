@@ -107,14 +107,14 @@ class Flash:
         if not self._file.exists():
             return None
         first, *lines = self._file.read_text(encoding="utf-8").split("\n")
-        loaded: dict[str, Any] = json.loads(first)
+        state: dict[str, Any] = json.loads(first)
         for line in lines[:-1]:  # behind the last end of a line a killed process may have left a part of one
             beside, changes, counters = json.loads(line)
-            loaded |= beside
-            loaded["configuration"]["counters"] |= counters
+            state |= beside
+            state["configuration"]["counters"] |= counters
             for change in changes:
-                _replay(loaded["configuration"]["tables"], *change)
-        return loaded
+                _replay(state["configuration"]["tables"], *change)
+        return state
 
     def save(self, snapshot: dict[str, Any], beside: dict[str, Any]) -> None:
         """Replace the file atomically; `beside` is what the snapshot holds beside the rows."""
@@ -126,10 +126,10 @@ class Flash:
     def extend(self, beside: dict[str, Any], changes: Sequence[Sequence[Any]], counters: Mapping[str, int]) -> bool:
         """Add what is new as one line; False: there are so many by now that the file has to be replaced."""
         new = {name: value for name, value in beside.items() if value != self._beside.get(name)}
-        counted = {name: number for name, number in counters.items() if number != self._counters.get(name)}
-        if not new and not changes and not counted:
+        new_counters = {name: number for name, number in counters.items() if number != self._counters.get(name)}
+        if not new and not changes and not new_counters:
             return True
-        data = json.dumps([new, changes, counted]).encode() + b"\n"
+        data = json.dumps([new, changes, new_counters]).encode() + b"\n"
         self._room -= len(data)
         if self._room < 0:
             return False

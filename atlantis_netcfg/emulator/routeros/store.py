@@ -6,7 +6,15 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.emulator.routeros.menus import INTERFACES, MODELLED, Arg, EmulatedMenu, Shape, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus import (
+    INTERFACES,
+    MODELLED_MENUS,
+    Arg,
+    EmulatedMenu,
+    Shape,
+    generic,
+    unmodelled_arguments,
+)
 from atlantis_netcfg.emulator.routeros.values import reference, references, spell
 
 if TYPE_CHECKING:
@@ -155,7 +163,7 @@ class PrintedRow:
     secrets: tuple[str, ...]
 
 
-class Placed(NamedTuple):
+class PlacedRow(NamedTuple):
     """The content of a row and its position."""
 
     values: dict[str, str]
@@ -168,8 +176,8 @@ class StoreChange:
 
     menu: str
     id: int
-    before: Placed | None
-    after: Placed | None
+    before: PlacedRow | None
+    after: PlacedRow | None
 
 
 @dataclass(slots=True)
@@ -228,12 +236,12 @@ class RowStore:
     def table(self, path: str) -> Table:
         """Return the table of a menu that the schema has, an empty one at first use."""
         if path not in self.tables:
-            menu = MODELLED.get(path) or generic(self.schema, path)
+            menu = MODELLED_MENUS.get(path) or generic(self.schema, path)
             names = self.schema.arguments(path, "add") | self.schema.arguments(path, "set")
-            fixed = {menu.called} if menu.shape is Shape.FIXED else set()
-            known = [arg for arg in menu.args if arg.name in names | fixed]
-            rest = unmodelled(path, names - set(menu.by_name))
-            self.tables[path] = Table(menu, {arg.name: arg for arg in (*known, *rest)})
+            fixed_names = {menu.name_property} if menu.shape is Shape.FIXED_ROWS else set()
+            known_args = [arg for arg in menu.args if arg.name in names | fixed_names]
+            rest = unmodelled_arguments(path, names - set(menu.by_name))
+            self.tables[path] = Table(menu, {arg.name: arg for arg in (*known_args, *rest)})
         return self.tables[path]
 
     # --- names -----------------------------------------------------------------------------------------------------
@@ -270,10 +278,10 @@ class RowStore:
 
     def target(self, table: Table, item: StoredItem, name: str) -> int | None:
         """Return the id of the row that a property refers to, also by its default."""
-        stored = item.values.get(name)
-        if stored is None and (arg := table.args.get(name)) is not None and arg.default is not None:
-            stored = arg.kind.parse(arg.default, self)
-        return next((number for _, number in references(stored or "")), None)
+        value = item.values.get(name)
+        if value is None and (arg := table.args.get(name)) is not None and arg.default is not None:
+            value = arg.kind.parse(arg.default, self)
+        return next((number for _, number in references(value or "")), None)
 
     def refer(self, space: str, name: str) -> str:
         """Make the stored form of a reference to a row that exists. Raises LookupError."""
@@ -288,8 +296,8 @@ class RowStore:
         """Draw the next id of a menu; interfaces of all kinds share theirs. Assumption: api-ids-grow."""
         menu = self.table(path).menu
         if self._reuses_ids and menu.space != "interface":
-            taken = {item.id for item in self.table(path).items}
-            return next(number for number in itertools.count(menu.first_id) if number not in taken)
+            used_ids = {item.id for item in self.table(path).items}
+            return next(number for number in itertools.count(menu.first_id) if number not in used_ids)
         key = "interface" if menu.space == "interface" else path
         number = self.counters.get(key, menu.first_id)
         self.counters[key] = number + 1
@@ -304,9 +312,9 @@ class RowStore:
 
     # --- changes ---------------------------------------------------------------------------------------------------
 
-    def place(self, path: str, item: StoredItem) -> Placed:
+    def place(self, path: str, item: StoredItem) -> PlacedRow:
         """Return a row's content and position as they are now."""
-        return Placed(dict(item.values), self.table(path).items.index(item))
+        return PlacedRow(dict(item.values), self.table(path).items.index(item))
 
     def insert(self, path: str, values: Mapping[str, str], index: int | None = None) -> StoredItem:
         """Add a row, at the end if no index is given."""
@@ -314,7 +322,7 @@ class RowStore:
         item = StoredItem(self.new_id(path), dict(values))
         position = len(items) if index is None else index
         items.insert(position, item)
-        self._note(StoreChange(path, item.id, None, Placed(dict(item.values), position)), item)
+        self._note(StoreChange(path, item.id, None, PlacedRow(dict(item.values), position)), item)
         return item
 
     def update(self, path: str, item: StoredItem, values: Mapping[str, str]) -> None:
@@ -351,16 +359,16 @@ class RowStore:
     def put_back(self, change: StoreChange, *, forward: bool = False) -> None:
         """Undo (or redo) one change: content, position and id."""
         table = self.table(change.menu)
-        desired = change.after if forward else change.before
+        content = change.after if forward else change.before
         item = table.find(change.id)
         before = None if item is None else self.place(change.menu, item)
         item = item or StoredItem(change.id, {})
         if before is not None:
             table.items.remove(item)
-        if desired is not None:
-            item.values = dict(desired.values)
-            table.items.insert(desired.position, item)
-        self._follow(StoreChange(change.menu, change.id, before, desired), item)
+        if content is not None:
+            item.values = dict(content.values)
+            table.items.insert(content.position, item)
+        self._follow(StoreChange(change.menu, change.id, before, content), item)
 
     # --- flash -----------------------------------------------------------------------------------------------------
 
@@ -387,24 +395,24 @@ class RowStore:
             },
         }
 
-    def load(self, data: Mapping[str, Any], *, upgraded: bool = False) -> None:
+    def load(self, data: Mapping[str, Any], *, is_upgrade: bool = False) -> None:
         """Replace everything by what `dump` returned.
 
-        `upgraded`: it was written by another version. What this one does not know is dropped, where a device converts
+        `is_upgrade`: it was written by another version. What this one does not know is dropped, where a device converts
         some of it; what it has beyond keeps the factory's rows.
         """
-        self.counters = {**self.counters, **data["counters"]} if upgraded else dict(data["counters"])
-        if not upgraded:
+        self.counters = {**self.counters, **data["counters"]} if is_upgrade else dict(data["counters"])
+        if not is_upgrade:
             self.tables.clear()
         for path, rows in data["tables"].items():
-            if upgraded and not self.schema.has_menu(path):
+            if is_upgrade and not self.schema.has_menu(path):
                 continue
             table = self.table(path)
             table.ungroup()
             table.items = [
                 StoredItem(number, dict(values), factory, dynamic) for number, values, factory, dynamic in rows
             ]
-            for item in table.items if upgraded else ():
+            for item in table.items if is_upgrade else ():
                 item.values = {name: value for name, value in item.values.items() if name in {*table.args, "name"}}
         self.changes.clear()
         self.unsaved = None

@@ -9,11 +9,11 @@ from dataclasses import replace
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed, public_key
-from atlantis_netcfg.emulator.routeros.certificates import expires_after, known
+from atlantis_netcfg.emulator.routeros.access import INACTIVE, is_allowed, public_key
+from atlantis_netcfg.emulator.routeros.certificates import expires_after, read_certificate
 from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
-from atlantis_netcfg.emulator.routeros.modem import made
+from atlantis_netcfg.emulator.routeros.modem import modem_rows
 from atlantis_netcfg.emulator.routeros.store import PrintedRow
 from atlantis_netcfg.emulator.routeros.values import id_text, interval, references, spell
 
@@ -77,7 +77,7 @@ def _modem(topology: Topology, item: StoredItem) -> Properties:
     return {
         **_default_name(item),
         "running": _truth(interface.running),
-        "inactive": _truth(interface.enabled and not interface.running),
+        "inactive": _truth(interface.is_enabled and not interface.running),
     }
 
 
@@ -87,8 +87,8 @@ def _default_name(item: StoredItem) -> Properties:
 
 def _bridge(topology: Topology, item: StoredItem) -> Properties:
     mtu = item.values.get("mtu", "auto")
-    shown = {"actual-mtu": "1500" if mtu == "auto" else mtu, "l2mtu": "1598"}
-    return {**shown, "dynamic": "false", "running": _truth(topology.interfaces[item.id].running)}
+    row = {"actual-mtu": "1500" if mtu == "auto" else mtu, "l2mtu": "1598"}
+    return {**row, "dynamic": "false", "running": _truth(topology.interfaces[item.id].running)}
 
 
 def _tunnel(topology: Topology, item: StoredItem) -> Properties:
@@ -99,11 +99,11 @@ def _port(topology: Topology, item: StoredItem) -> Properties:
     table = topology.store.table("/interface/bridge/port")
     bridge = topology.store.target(table, item, "bridge")
     members = topology.port_members(item)
-    enabled = topology.store.text(table, item, "disabled") != "yes"
+    is_enabled = topology.store.text(table, item, "disabled") != "yes"
     works = (
-        enabled
+        is_enabled
         and topology.up(bridge)
-        and any(topology.interfaces[number].enabled for number in members if number in topology.interfaces)
+        and any(topology.interfaces[number].is_enabled for number in members if number in topology.interfaces)
     )
     status = "in-bridge" if works else "inactive"
     return {"dynamic": "false", "inactive": _truth(not works), "status": status}
@@ -112,10 +112,10 @@ def _port(topology: Topology, item: StoredItem) -> Properties:
 def _address(topology: Topology, item: StoredItem) -> Properties:
     local = next(local for local in topology.locals if local.item == item.id)
     address = IPv4Interface(topology.store.text(topology.store.table("/ip/address"), item, "address") or "")
-    shown = {"network": item.values.get("network", str(address.network.network_address))}
-    shown["actual-interface"] = topology.name(local.actual if local.actual is not None else local.on)
+    row = {"network": item.values.get("network", str(address.network.network_address))}
+    row["actual-interface"] = topology.name(local.actual if local.actual is not None else local.on)
     return {
-        **shown,
+        **row,
         "dynamic": "false",
         "invalid": _truth(local.actual is None),
         "slave": _truth(local.actual != local.on),
@@ -134,9 +134,9 @@ def _dhcp_server(topology: Topology, item: StoredItem) -> Properties:
 
 
 def _dhcp_client(topology: Topology, item: StoredItem) -> Properties:
-    disabled = topology.store.text(topology.store.table("/ip/dhcp-client"), item, "disabled") == "yes"
+    is_disabled = topology.store.text(topology.store.table("/ip/dhcp-client"), item, "disabled") == "yes"
     fine = _on_interface(topology, item, "/ip/dhcp-client")
-    status = "stopped" if disabled or not fine else "searching..."
+    status = "stopped" if is_disabled or not fine else "searching..."
     return {"dynamic": "false", "invalid": _truth(not fine), "status": status}
 
 
@@ -146,13 +146,13 @@ def _lease(_topology: Topology, _item: StoredItem) -> Properties:
 
 def _route_row(topology: Topology, route: Route) -> Properties:
     hops = [topology.name(via) if hop is None else f"{hop}%{topology.name(via)}" for hop, via in route.hops]
-    shown = {"immediate-gw": ",".join(hops)} if hops else {}
+    row = {"immediate-gw": ",".join(hops)} if hops else {}
     flags = {
         "active": _truth(route.active),
-        "dynamic": _truth(route.connected),
-        "inactive": _truth(route.enabled and not route.active),
+        "dynamic": _truth(route.is_connected),
+        "inactive": _truth(route.is_enabled and not route.active),
     }
-    return {**shown, **flags, "connect" if route.connected else "static": "true"}
+    return {**row, **flags, "connect" if route.is_connected else "static": "true"}
 
 
 def _route(topology: Topology, item: StoredItem) -> Properties:
@@ -170,20 +170,20 @@ def _rule(topology: Topology, item: StoredItem) -> Properties:
     table = topology.store.table("/routing/rule")
     target = topology.store.target(table, item, "table")
     looks_up = (topology.store.text(table, item, "action") or "").startswith("lookup")
-    gone = looks_up and (target is None or topology.store.table("/routing/table").find(target) is None)
-    return {"inactive": _truth(gone)}
+    is_missing = looks_up and (target is None or topology.store.table("/routing/table").find(target) is None)
+    return {"inactive": _truth(is_missing)}
 
 
 def _firewall(topology: Topology, item: StoredItem) -> Properties:
     """A rule that names an interface or list that has gone is invalid."""
-    spelled = [value for name, value in item.values.items() if name.startswith(("in-", "out-"))]
-    gone = any("*" in spell(value, topology.store) for value in spelled)
-    return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(gone)}
+    values = [value for name, value in item.values.items() if name.startswith(("in-", "out-"))]
+    is_invalid = any("*" in spell(value, topology.store) for value in values)
+    return {"bytes": "0", "packets": "0", "dynamic": "false", "invalid": _truth(is_invalid)}
 
 
 def _ntp(topology: Topology, item: StoredItem) -> Properties:
-    enabled = topology.store.text(topology.store.table("/system/ntp/client"), item, "enabled") == "yes"
-    return {"freq-drift": "0", "status": "waiting" if enabled else "stopped"}
+    is_enabled = topology.store.text(topology.store.table("/system/ntp/client"), item, "enabled") == "yes"
+    return {"freq-drift": "0", "status": "waiting" if is_enabled else "stopped"}
 
 
 def _dns(_topology: Topology, _item: StoredItem) -> Properties:
@@ -192,12 +192,12 @@ def _dns(_topology: Topology, _item: StoredItem) -> Properties:
 
 def _fast_path(family: str) -> Callable[[Topology, StoredItem], Properties]:
     """Nothing takes it here. Assumption: settings-computed."""
-    shown = {
+    counters = {
         f"{family}-{path}-{name}": value
         for path in ("fast-path", "fasttrack")
         for name, value in (("active", "false"), ("bytes", "0"), ("packets", "0"))
     }
-    return lambda _topology, _item: shown
+    return lambda _topology, _item: counters
 
 
 def _snmp(_topology: Topology, _item: StoredItem) -> Properties:
@@ -211,7 +211,7 @@ def _romon(topology: Topology, item: StoredItem) -> Properties:
     return {"current-id": local or ""}
 
 
-_COMPUTED: dict[str, Callable[[Topology, StoredItem], Properties]] = {
+_COMPUTED_MENUS: dict[str, Callable[[Topology, StoredItem], Properties]] = {
     "/interface/bridge": _bridge,
     "/interface/bridge/port": _port,
     "/interface/ethernet": _ethernet,
@@ -241,14 +241,14 @@ _COMPUTED: dict[str, Callable[[Topology, StoredItem], Properties]] = {
 
 def properties(topology: Topology, path: str, item: StoredItem) -> Properties:
     """Return what the router computes for a row."""
-    compute = _COMPUTED.get(path)
+    compute = _COMPUTED_MENUS.get(path)
     return compute(topology, item) if compute is not None else {}
 
 
 def dynamic_rows(topology: Topology, path: str) -> list[Properties]:
     """Return the rows of a menu that nobody configured; they refuse every command but print."""
     if path == "/ip/route":
-        return [_connected_row(topology, route) for route in topology.routes if route.connected]
+        return [_connected_row(topology, route) for route in topology.routes if route.is_connected]
     if path in _DUMMY_CHAINS and _uses_fasttrack(topology.store):
         return [_dummy(topology.store, path, chain) for chain in _DUMMY_CHAINS[path]]
     return []
@@ -294,7 +294,7 @@ def _dummy(store: RowStore, path: str, chain: str) -> Properties:
     }
 
 
-HIDDEN = "*****"
+HIDDEN_TEXT = "*****"
 """What a group without policy `sensitive` sees of a secret."""
 TRAFFIC = tuple(f"{way}-{what}" for what in ("byte", "packet", "drop", "error") for way in ("rx", "tx"))
 """Counters of an interface (Manual, CLI reference, `/interface`): our own sessions are counted, as bytes of the port
@@ -306,8 +306,8 @@ def applies(store: RowStore, table: Table, item: StoredItem, arg: Arg) -> bool:
     """Tell whether an argument is part of a row now (`pvid` of a bridge without VLAN filtering is not)."""
     if arg.shown_if is None:
         return True
-    name, desired = arg.shown_if
-    return store.text(table, item, name) in desired.split("|")
+    name, expected_value = arg.shown_if
+    return store.text(table, item, name) in expected_value.split("|")
 
 
 def factory_value(item: StoredItem, arg: Arg) -> str | None:
@@ -319,23 +319,23 @@ def _printed_row(store: RowStore, table: Table, item: StoredItem) -> PrintedRow:
     """Return every argument that a row has; kept until the content of the row is replaced."""
     if item.print_cache is None or item.print_cache.values is not item.values:
         args = [arg for arg in table.args.values() if not arg.never and applies(store, table, item, arg)]
-        stored = {arg.name: item.values.get(arg.name, arg.default) for arg in args}
-        row = {arg.name: arg.kind.show(value) for arg in args if (value := stored[arg.name]) is not None}
-        referring = tuple(arg for arg in args if any(references(stored[arg.name] or "")))
-        secrets = tuple(arg.name for arg in args if arg.secret and stored[arg.name])
+        values = {arg.name: item.values.get(arg.name, arg.default) for arg in args}
+        row = {arg.name: arg.kind.show(value) for arg in args if (value := values[arg.name]) is not None}
+        referring = tuple(arg for arg in args if any(references(values[arg.name] or "")))
+        secrets = tuple(arg.name for arg in args if arg.secret and values[arg.name])
         item.print_cache = PrintedRow(item.values, row, referring, secrets)
     return item.print_cache
 
 
 def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive: bool) -> dict[str, str]:
     """Return one row as the API prints it, counters included."""
-    shown = _printed_row(core.store, table, item)
+    printed_row = _printed_row(core.store, table, item)
     row: dict[str, str] = {} if table.menu.shape is Shape.SETTINGS else {".id": id_text(item.id)}
-    row.update(shown.row)
-    for arg in shown.references:
+    row.update(printed_row.row)
+    for arg in printed_row.references:
         row[arg.name] = arg.kind.show(spell(item.values[arg.name], core.store))
     if not sensitive:
-        row.update(dict.fromkeys(shown.secrets, HIDDEN))
+        row.update(dict.fromkeys(printed_row.secrets, HIDDEN_TEXT))
     row.update(dict.fromkeys(table.menu.flags, "false"))
     if table.menu.builtin_flag:
         row[table.menu.builtin_flag] = "true" if item.factory is not None else "false"
@@ -351,7 +351,7 @@ def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive
 def _schedule(core: Core, item: StoredItem) -> dict[str, str]:
     """A job that device-mode blocks says so, and nothing else tells it from one that runs."""
     row = {"owner": "*sys", "run-count": str(core.run_counts.get(item.id, 0))}
-    return row if allowed(core.spec, "scheduler") else {**row, ".about": INACTIVE}
+    return row if is_allowed(core.spec, "scheduler") else {**row, ".about": INACTIVE}
 
 
 def _clock(core: Core, _item: StoredItem) -> dict[str, str]:
@@ -373,19 +373,19 @@ def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
     pem = core.keys.get(item.id)
     if pem is None:
         return {}
-    found, now = known(pem), core.time()
+    certificate, now = read_certificate(pem), core.time()
     name = core.store.text(core.store.table("/certificate"), item, "name") or ""
     if (validity := core.spec.around.validity.get(name)) is not None:
-        found = replace(found, not_before=validity.since, not_after=validity.until)
+        certificate = replace(certificate, not_before=validity.since, not_after=validity.until)
     return {
-        "serial-number": found.serial,
-        "fingerprint": found.fingerprint,
-        "invalid-before": core.stamp(found.not_before),
-        "invalid-after": core.stamp(found.not_after),
-        "expires-after": expires_after(found.not_after, now),
-        "private-key": "true" if found.private_key else "false",
-        "authority": "true" if found.authority else "false",
-        "expired": "true" if found.not_after < now else "false",
+        "serial-number": certificate.serial,
+        "fingerprint": certificate.fingerprint,
+        "invalid-before": core.stamp(certificate.not_before),
+        "invalid-after": core.stamp(certificate.not_after),
+        "expires-after": expires_after(certificate.not_after, now),
+        "private-key": "true" if certificate.private_key else "false",
+        "authority": "true" if certificate.authority else "false",
+        "expired": "true" if certificate.not_after < now else "false",
     }
 
 
@@ -409,19 +409,23 @@ def _netwatch(core: Core, item: StoredItem) -> dict[str, str]:
     row = core.watched.rows.get(item.id)
     if row is None:
         return {"status": "unknown"}
-    sent, answered = row.last
-    counts = {"sent-count": sent, "response-count": answered, "loss-count": sent - answered} if row.done else {}
-    tests = {"done-tests": row.done, "failed-tests": row.failed}
-    shown = {"status": row.status, "since": core.stamp(core.moment(row.since))}
-    return shown | {name: str(count) for name, count in (tests | counts).items()}
+    sent_count, answer_count = row.last
+    counts = (
+        {"sent-count": sent_count, "response-count": answer_count, "loss-count": sent_count - answer_count}
+        if row.test_count
+        else {}
+    )
+    tests = {"done-tests": row.test_count, "failed-tests": row.failure_count}
+    state = {"status": row.status, "since": core.stamp(core.moment(row.since))}
+    return state | {name: str(count) for name, count in (tests | counts).items()}
 
 
-def _counted(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
-    def counted(core: Core, item: StoredItem) -> dict[str, str]:
+def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
+    def count_packets(core: Core, item: StoredItem) -> dict[str, str]:
         packets, octets = core.met.get((path, item.id), (0, 0))
         return {"packets": str(packets), "bytes": str(octets)}
 
-    return counted
+    return count_packets
 
 
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
@@ -429,8 +433,8 @@ _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/ip/firewall/address-list": _expiring,
     "/ip/dhcp-server/alert": alert,
     "/ip/dhcp-server/lease": lease,
-    "/ip/firewall/filter": _counted("/ip/firewall/filter"),
-    "/ip/firewall/mangle": _counted("/ip/firewall/mangle"),
+    "/ip/firewall/filter": _packet_counter("/ip/firewall/filter"),
+    "/ip/firewall/mangle": _packet_counter("/ip/firewall/mangle"),
     "/ip/service": _service,
     "/system/clock": _clock,
     "/system/ntp/client": ntp,
@@ -447,7 +451,7 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
     lacking = _lacking(core, path)
     return [
         {name: value for name, value in row.items() if name not in lacking}
-        for row in (*dynamic_rows(core.topology, path), *made(core, path), *tunnel_addresses(core, path))
+        for row in (*dynamic_rows(core.topology, path), *modem_rows(core, path), *tunnel_addresses(core, path))
     ]
 
 
@@ -476,8 +480,8 @@ def rows(core: Core, path: str, *, sensitive: bool = True) -> list[dict[str, str
     """Return every row of a menu, those that the router made by itself first where RouterOS puts them first."""
     table = core.store.table(path)
     local = [item_row(core, path, table, item, sensitive=sensitive) for item in table.items]
-    made = made_rows(core, path)
-    return [*made, *local] if path.startswith("/ip/firewall/") else [*local, *made]
+    extra_rows = made_rows(core, path)
+    return [*extra_rows, *local] if path.startswith("/ip/firewall/") else [*local, *extra_rows]
 
 
 def without_counters(row: dict[str, str]) -> dict[str, str]:

@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.shell.ssh import fingerprint, host_key
-from atlantis_netcfg.emulator.rutos._web import RutosModem, RutosSpec, Uci, UciRefused, Web, factory
+from atlantis_netcfg.emulator.rutos._web import RutosModem, RutosSpec, Uci, UciError, Web, factory
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,10 +72,10 @@ class Shell:
         """One command."""
         command = process.command or ""
         self.commands.append(command)
-        given = await process.stdin.read() if command == "uci batch" else ""
+        batch = await process.stdin.read() if command == "uci batch" else ""
         code = 0
         for part in command.split("&&"):
-            out, error, code = self._run(part.split(), given)
+            out, error, code = self._run(part.split(), batch)
             process.stdout.write(out)
             process.stderr.write(error)
             if code:
@@ -85,15 +85,15 @@ class Shell:
             return
         process.exit(code)
 
-    def _run(self, words: list[str], given: str) -> tuple[str, str, int]:
+    def _run(self, words: list[str], batch: str) -> tuple[str, str, int]:
         match words:
             case ["uci", "show", package]:
                 try:
                     return self._uci.show(package), "", 0
-                except UciRefused as refused:
+                except UciError as refused:
                     return "", f"{refused}\n", 1
             case ["uci", "batch"]:
-                return "", "" if self.mute else self._uci.batch(given), 0
+                return "", "" if self.mute else self._uci.batch(batch), 0
             case ["reload_config"]:
                 self.reloads += 1
                 self._modem.reload()

@@ -84,15 +84,15 @@ class Web:
 
     def _answer(self, method: str, path: str, headers: dict[str, str], body: bytes) -> _Reply:
         try:
-            requested = json.loads(body) if body else None
+            request = json.loads(body) if body else None
         except ValueError:
             return HTTPStatus.BAD_REQUEST, _error(100, "Response not implemented", "api-core")
         if path == "/ubus" and method == "POST":
-            return self._ubus(requested)
+            return self._ubus(request)
         if not self._spec.api or not path.startswith("/api/"):
             return HTTPStatus.NOT_FOUND, _error(101, "No such endpoint", "api-core")
         if path == "/api/login" and method == "POST":
-            return self._login(requested)
+            return self._login(request)
         token = headers.get("authorization", "").removeprefix("Bearer ")
         if self._tokens.get(token, 0.0) < time.monotonic():
             return HTTPStatus.FORBIDDEN, _error(123, "Unauthorized access", "Authorization")
@@ -105,7 +105,7 @@ class Web:
             "/api/interfaces/basic/status": self._modem.interfaces,
             "/api/system/device/status": lambda: {"mnfinfo": {"serial": self._spec.serial_number}},
         }
-        if path in self._spec.hidden:
+        if path in self._spec.hidden_pages:
             return HTTPStatus.FORBIDDEN, _error(122, "Insufficient permissions", "Authorization")
         if path in self._spec.missing or path.startswith("/api/sim_switch"):
             return HTTPStatus.NOT_IMPLEMENTED, _error(100, "Response not implemented", "api-core")
@@ -115,15 +115,15 @@ class Web:
             return HTTPStatus.METHOD_NOT_ALLOWED, _error(102, "No action provided", "api-core")
         return HTTPStatus.OK, {"success": True, "data": pages[path]()}
 
-    def _login(self, requested: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
-        token = self._enter(requested)
+    def _login(self, request: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
+        token = self._enter(request)
         if token is None:
             return HTTPStatus.UNAUTHORIZED, _error(121, "Login failed for any reason", "Authorization")
-        data = {"username": requested["username"], "group": "user", "token": token, "expires": int(self._spec.token_s)}
+        data = {"username": request["username"], "group": "user", "token": token, "expires": int(self._spec.token_s)}
         return HTTPStatus.OK, {"success": True, "data": data}
 
-    def _enter(self, requested: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
-        who = (requested.get("username"), requested.get("password")) if isinstance(requested, dict) else None
+    def _enter(self, request: Any) -> str | None:  # noqa: ANN401 - JSON of any shape
+        who = (request.get("username"), request.get("password")) if isinstance(request, dict) else None
         if who != (self._spec.reader, self._spec.reader_password):
             self.failed_logins += 1
             return None
@@ -131,10 +131,8 @@ class Web:
         self._tokens[token] = time.monotonic() + self._spec.token_s
         return token
 
-    def _ubus(self, requested: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
-        parameters = (
-            requested.get("params") if isinstance(requested, dict) and requested.get("method") == "call" else None
-        )
+    def _ubus(self, request: Any) -> _Reply:  # noqa: ANN401 - JSON of any shape
+        parameters = request.get("params") if isinstance(request, dict) and request.get("method") == "call" else None
         if not isinstance(parameters, list) or len(parameters) != 4:  # noqa: PLR2004 - session, object, method, arguments
             return HTTPStatus.OK, {"jsonrpc": "2.0", "id": 1, "error": {"code": -32600, "message": "Invalid request"}}
         session, target, method, arguments = parameters
@@ -182,7 +180,7 @@ NOT_FOUND = "uci: Entry not found"
 INVALID = "uci: Invalid argument"
 
 
-class UciRefused(Exception):
+class UciError(Exception):
     """`str()` is what uci prints on standard error."""
 
 
@@ -190,7 +188,7 @@ class UciRefused(Exception):
 class Section:
     """A section: its type, its options, and the name under which `uci show` prints it."""
 
-    shown: str
+    name: str
     kind: str
     options: dict[str, str] = field(default_factory=dict)
 
@@ -206,14 +204,14 @@ class Uci:
     def show(self, package: str) -> str:
         """As `uci show PACKAGE` prints it, with what is not committed yet. Raises UciRefused."""
         if package not in self._staged:
-            raise UciRefused(NOT_FOUND)
+            raise UciError(NOT_FOUND)
         lines = []
         for section in self._staged[package]:
-            lines.append(f"{package}.{section.shown}={section.kind}")
-            lines += [f"{package}.{section.shown}.{name}={_quoted(value)}" for name, value in section.options.items()]
+            lines.append(f"{package}.{section.name}={section.kind}")
+            lines += [f"{package}.{section.name}.{name}={_quote(value)}" for name, value in section.options.items()]
         return "".join(f"{line}\n" for line in lines)
 
-    def saved(self, package: str, kind: str) -> list[dict[str, str]]:
+    def saved_sections(self, package: str, kind: str) -> list[dict[str, str]]:
         """Committed options of the sections of a type, as a service reads them."""
         return [dict(section.options) for section in self._saved.get(package, ()) if section.kind == kind]
 
@@ -225,7 +223,7 @@ class Uci:
                 continue
             try:
                 self._line(line)
-            except UciRefused as refused:
+            except UciError as refused:
                 reply.append(str(refused))
         return "".join(f"{item}\n" for item in reply)
 
@@ -233,7 +231,7 @@ class Uci:
         try:
             words = shlex.split(line)
         except ValueError as error:
-            raise UciRefused("uci: Parse error (unterminated quoted string)") from error
+            raise UciError("uci: Parse error (unterminated quoted string)") from error
         verb, *rest = words
         if verb == "commit" and len(rest) == 1:
             self._commit(rest[0])
@@ -244,26 +242,26 @@ class Uci:
         elif verb == "delete" and len(rest) == 1:
             section, option = self._find(rest[0])
             if option not in section.options:
-                raise UciRefused(NOT_FOUND)
+                raise UciError(NOT_FOUND)
             del section.options[option]
         else:
-            raise UciRefused("Unknown command" if verb not in {"commit", "set", "delete"} else INVALID)
+            raise UciError("Unknown command" if verb not in {"commit", "set", "delete"} else INVALID)
 
     def _find(self, name: str) -> tuple[Section, str]:
         match = _NAME.fullmatch(name)
         if match is None or match[3] is None:
-            raise UciRefused(INVALID)
-        package, shown, option = match.groups()
-        found = next((section for section in self._staged.get(package, ()) if section.shown == shown), None)
-        if found is None:
-            raise UciRefused(NOT_FOUND)
+            raise UciError(INVALID)
+        package, section_name, option = match.groups()
+        target = next((section for section in self._staged.get(package, ()) if section.name == section_name), None)
+        if target is None:
+            raise UciError(NOT_FOUND)
         if option not in _OPTIONS.get(package, ()):
-            raise UciRefused(INVALID)
-        return found, option
+            raise UciError(INVALID)
+        return target, option
 
     def _commit(self, package: str) -> None:
         if package not in self._staged:
-            raise UciRefused(NOT_FOUND)
+            raise UciError(NOT_FOUND)
         self._saved[package] = _copy({package: self._staged[package]})[package]
         self.commits += 1
 
@@ -289,13 +287,13 @@ def factory(*, mobile: bool) -> Uci:
     return Uci({"network": network, "simcard": slots})
 
 
-def _quoted(value: str) -> str:
+def _quote(value: str) -> str:
     return "'" + value.replace("'", "'\\''") + "'"
 
 
 def _copy(packages: dict[str, list[Section]]) -> dict[str, list[Section]]:
     return {
-        name: [Section(section.shown, section.kind, dict(section.options)) for section in sections]
+        name: [Section(section.name, section.kind, dict(section.options)) for section in sections]
         for name, sections in packages.items()
     }
 
@@ -326,14 +324,16 @@ class RutosModem:
 
     def reload(self) -> None:
         """Read the committed settings, and try the saved PIN if the card asks for one."""
-        interface = next((item for item in self._uci.saved("network", "interface") if item.get("sim") == "1"), {})
-        slot = next((row for row in self._uci.saved("simcard", "sim") if row.get("position") == "1"), {})
+        interface = next(
+            (item for item in self._uci.saved_sections("network", "interface") if item.get("sim") == "1"), {}
+        )
+        slot = next((row for row in self._uci.saved_sections("simcard", "sim") if row.get("position") == "1"), {})
         self.settings = interface | slot
         sim = self._spec.sim
-        saved = slot.get("pincode")
-        if sim is not None and self._locked and self._tries and saved:
+        saved_pin = slot.get("pincode")
+        if sim is not None and self._locked and self._tries and saved_pin:
             self.attempts += 1
-            if saved == sim.pin:
+            if saved_pin == sim.pin:
                 self._locked, self._tries = False, 3
             else:
                 self._tries -= 1
@@ -353,14 +353,14 @@ class RutosModem:
         return "Registered, home" if spec.network.plmn == spec.sim.home else "Roaming"
 
     @property
-    def connected(self) -> bool:
+    def is_connected(self) -> bool:
         """Whether data flow."""
         sim = self._spec.sim
         if sim is None or self.registration not in ("Registered, home", "Roaming"):
             return False
         if self.registration == "Roaming" and self.settings.get("deny_roaming", "0") != "0":
             return False
-        automatic = sim.listed and self.settings.get("auto_apn", "1") == "1"
+        automatic = sim.is_listed and self.settings.get("auto_apn", "1") == "1"
         return sim.apn is None or automatic or self.settings.get("apn") == sim.apn
 
     @property
@@ -375,29 +375,29 @@ class RutosModem:
     def status(self) -> dict[str, Any]:
         """A row of `/api/modems/status`."""
         spec = self._spec
-        received = self.registration in ("Registered, home", "Roaming")
+        has_signal = self.registration in ("Registered, home", "Roaming")
         row: dict[str, Any] = {
             "pinstate": self.pin_words,
-            "provider": spec.network.operator if received else "N/A",
-            "oper": spec.network.operator if received else "N/A",
-            "sinr": spec.network.sinr_db if received else "N/A",
-            "conntype": "4G (LTE)" if received else "No service",
-            "state": "Connected" if self.connected else "Disconnected",
+            "provider": spec.network.operator if has_signal else "N/A",
+            "oper": spec.network.operator if has_signal else "N/A",
+            "sinr": spec.network.sinr_db if has_signal else "N/A",
+            "conntype": "4G (LTE)" if has_signal else "No service",
+            "state": "Connected" if self.is_connected else "Disconnected",
             "imei": "000000000000000",
             "active_sim": 1,
             "imsi": "N/A",
             "sim_count": 2,
             "iccid": "N/A",
-            "ntype": "LTE" if received else "No service",
+            "ntype": "LTE" if has_signal else "No service",
             "id": "1-1",
             "primary": True,
             "netstate": self.registration,
-            "rsrq": spec.network.rsrq_db if received else "N/A",
-            "rsrp": spec.network.rsrp_dbm if received else "N/A",
-            "signal": spec.network.rsrp_dbm + 28 if received else "N/A",
+            "rsrq": spec.network.rsrq_db if has_signal else "N/A",
+            "rsrp": spec.network.rsrp_dbm if has_signal else "N/A",
+            "signal": spec.network.rsrp_dbm + 28 if has_signal else "N/A",
             "simstate": "Not inserted" if spec.sim is None else "Inserted",
         }
-        if received:
+        if has_signal:
             row |= {
                 "band": "LTE B3",
                 "cellid": str(spec.network.cell_id),
@@ -411,9 +411,9 @@ class RutosModem:
 
     def interfaces(self) -> list[dict[str, Any]]:
         """Rows of `/api/interfaces/basic/status`."""
-        mobile = {"id": "mob1s1a1", "name": "mob1s1a1", "network_type": "mobile", "is_up": self.connected}
+        mobile = {"id": "mob1s1a1", "name": "mob1s1a1", "network_type": "mobile", "is_up": self.is_connected}
         lan = {"id": "lan", "name": "lan", "network_type": "wired", "is_up": True, "ipaddrs": ["192.168.1.1/24"]}
-        return [lan, mobile | {"ipaddrs": [f"{ADDRESS}/32"] if self.connected else []}]
+        return [lan, mobile | {"ipaddrs": [f"{ADDRESS}/32"] if self.is_connected else []}]
 
     def signal(self) -> dict[str, Any]:
         """`ubus call gsm.modem0 get_signal_query`."""
@@ -453,7 +453,7 @@ class RutosSim(_Spec):
     """PLMN of its operator."""
     apn: str | None = None
     """The only APN that its subscription has; None: any, also none."""
-    listed: bool = True
+    is_listed: bool = True
     """The unit's own list of operators has that APN, so that `auto_apn` finds it."""
 
 
@@ -490,7 +490,7 @@ class RutosSpec(_Spec):
     old_names: bool = True
     """Field names of the record in devices.md (`netstate`, `state`, `oper`, `signal`); else those of newer firmware."""
     numbers_as_text: bool = False
-    hidden: tuple[str, ...] = ()
+    hidden_pages: tuple[str, ...] = ()
     """Pages that the reader may not see: HTTP 403."""
     missing: tuple[str, ...] = ()
     """Pages that this firmware does not have: HTTP 501."""

@@ -130,7 +130,7 @@ from atlantis_netcfg.inventory.model.pilot import (
 )
 from atlantis_netcfg.inventory.model.qualify import KEY_OCTETS, LinkThresholds, Qualify, ThresholdsName
 from atlantis_netcfg.inventory.model.retrieval import (
-    COLLECTED,
+    COLLECTION_FOLDER,
     Retrieval,
     RetrievalPriority,
     RetrievalRobot,
@@ -174,7 +174,7 @@ from atlantis_netcfg.inventory.model.site import (
 
 __all__ = [
     "BEARER_TRAITS",
-    "COLLECTED",
+    "COLLECTION_FOLDER",
     "ETHERNET",
     "KEY_OCTETS",
     "LONGEST_PAUSE_S",

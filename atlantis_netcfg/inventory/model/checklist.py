@@ -11,7 +11,7 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, StrictFloat, StrictInt, model_validator
 
-from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed, names
+from atlantis_netcfg.core.reading_programs import PROGRAMS, is_allowed, names
 from atlantis_netcfg.inventory.model._base import Model, Name, Text, plain, text_like, wrong
 from atlantis_netcfg.inventory.model.endpoints import SeenFrom
 
@@ -54,14 +54,16 @@ class EvidenceKind(StrEnum):
 
 def _reading(value: object) -> str:
     text = " ".join(plain(value).split())
-    if not allowed(tuple(text.split())):
+    if not is_allowed(tuple(text.split())):
         first = text.partition(" ")[0]
         if first in names():
             raise wrong(
                 f"`{text}` is not a form of `{first}` that the checklist may run", "docs/check.md lists the forms"
             )
-        known = ", ".join(names())
-        raise wrong(f"the checklist may not run `{text}`", f"it runs programs that only read: {known} (docs/check.md)")
+        programs = ", ".join(names())
+        raise wrong(
+            f"the checklist may not run `{text}`", f"it runs programs that only read: {programs} (docs/check.md)"
+        )
     return text
 
 
@@ -111,8 +113,8 @@ class CheckItem(Model):
                 f"`{self.id}` is of kind {self.kind}, and has `{others[0]}`",
                 f"remove `{others[0]}:`, or correct `kind:`",
             )
-        needed = ("look_for",) if person else ("command", "expect")
-        for name in needed:
+        required_names = ("look_for",) if person else ("command", "expect")
+        for name in required_names:
             if getattr(self, name) is None:
                 raise wrong(f"`{self.id}` is of kind {self.kind}, and has no `{name}`", f"add `{name}:`")
         return self
@@ -120,10 +122,11 @@ class CheckItem(Model):
     @model_validator(mode="after")
     def _fits_its_evidence(self) -> Self:
         number = self.evidence is EvidenceKind.NUMBER
-        given = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
-        if given and not number:
+        number_fields = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
+        if number_fields and not number:
             raise wrong(
-                f"`{self.id}` has `{given[0]}`, but asks for no number", "write `evidence: number`, or remove it"
+                f"`{self.id}` has `{number_fields[0]}`, but asks for no number",
+                "write `evidence: number`, or remove it",
             )
         if number and self.unit is None:
             raise wrong(f"`{self.id}` asks for a number, and has no `unit`", "add `unit:`, like V or bar")

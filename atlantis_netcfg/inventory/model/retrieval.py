@@ -14,7 +14,7 @@ from atlantis_netcfg.inventory.model._base import Account, Address, HostName, Mo
 from atlantis_netcfg.inventory.model.computer import SshKey
 from atlantis_netcfg.inventory.model.services import DataFolder, matching
 
-COLLECTED = "/var/lib/atlantis/robots"
+COLLECTION_FOLDER = "/var/lib/atlantis/robots"
 """On a gateway: below it each robot has a folder with its name, of what is on its way to the control centre."""
 _ROBOT_FOLDER = r"^(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 

@@ -40,16 +40,16 @@ def _command(value: object) -> str:
     return text
 
 
-def matching(pattern: str, refused: Callable[[str], PydanticCustomError]) -> BeforeValidator:
+def matching(pattern: str, build_error: Callable[[str], PydanticCustomError]) -> BeforeValidator:
     """A validator of texts that one pattern describes."""
 
-    def validated(value: object) -> str:
+    def validate(value: object) -> str:
         text = plain(value)
         if ".." in text or not re.fullmatch(pattern.strip("^$"), text):
-            raise refused(text)
+            raise build_error(text)
         return text
 
-    return BeforeValidator(validated)
+    return BeforeValidator(validate)
 
 
 def _master(value: object) -> str:
@@ -220,7 +220,7 @@ class HostedService(Model):
     """In the place of a program."""
 
     @property
-    def started(self) -> ServiceProgram | ServiceContainer | None:
+    def workload(self) -> ServiceProgram | ServiceContainer | None:
         """What the computer starts for it."""
         return self.program or self.container
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.json_schema import modeline
 from atlantis_netcfg.inventory.model import LteDriver, RosDistribution
-from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, Vaulted, document, has_examples
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document, has_examples
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -106,7 +106,7 @@ class InventoryWriter:
         """A new secret, encrypted; an example where nothing can encrypt it."""
         if self.encrypt is None:
             return Value(f"EXAMPLE-{name}", is_example=True)
-        return Vaulted(self.encrypt(secrets.token_urlsafe(18)))
+        return VaultSecret(self.encrypt(secrets.token_urlsafe(18)))
 
     def add(self, site: str, host: str, kind: str, comment: str, device: Mapping[str, Tree]) -> None:
         """One more host with its file."""
@@ -153,9 +153,9 @@ def _hosts(writer: InventoryWriter) -> dict[str, Tree]:
     sites: dict[str, Tree] = {site: {"hosts": dict.fromkeys(hosts, None)} for site, hosts in writer.hosts.items()}
     groups: dict[str, Tree] = {"sites": {"children": sites}}
     for group, kind in KIND_GROUPS.items():
-        found = [host for hosts in writer.hosts.values() for host, sort in hosts.items() if sort == kind]
-        if found:
-            groups[group] = {"hosts": dict.fromkeys(found, None)}
+        group_hosts = [host for hosts in writer.hosts.values() for host, sort in hosts.items() if sort == kind]
+        if group_hosts:
+            groups[group] = {"hosts": dict.fromkeys(group_hosts, None)}
     return {"all": {"children": groups}}
 
 
@@ -194,10 +194,10 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
 
 
 def _partners(writer: InventoryWriter) -> None:
-    chosen = writer.answers.pilot.partners
+    partner_names = writer.answers.pilot.partners
     rows: dict[str, Tree] = {
         name: {"full_name": PARTNERS[name], "vpn_pool": Value(pool, writer.vpn.is_example)}
-        for name, pool in zip(chosen, writer.pools[1:], strict=False)
+        for name, pool in zip(partner_names, writer.pools[1:], strict=False)
     }
     comment = "Organisations that join through the VPN, each with a pool of tunnel addresses of its own."
     writer.trees["group_vars/all/partners.yml"] = (comment, "partners", {"partners": rows})
@@ -239,10 +239,10 @@ def _rate(rate: LinkRate | None, example: Mapping[str, float]) -> dict[str, Tree
     return {key: value_or_example(getattr(rate, key, None), value) for key, value in example.items()}
 
 
-def _canaries(answer: tuple[Any, ...], number: int, *, needed: bool) -> dict[str, Tree]:
+def _canaries(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dict[str, Tree]:
     if answer:
         return {"canaries": Value(answer)}
-    if not needed:
+    if not is_required:
         return {}
     return {"canaries": Value((f"198.51.100.{number}", f"198.51.100.{number + 1}"), is_example=True)}
 
@@ -265,9 +265,9 @@ def _access(writer: InventoryWriter, address: Value) -> dict[str, Tree]:
 
 def _bridge_names(writer: InventoryWriter, site: str) -> tuple[str, str]:
     """The bridge's name at the control centre, and the CPE there; one bridge needs no site in its name."""
-    bridged = [name for name, place in writer.answers.sites.items() if place.wifi_bridge is not None]
+    bridge_sites = [name for name, place in writer.answers.sites.items() if place.wifi_bridge is not None]
     centre = writer.centre.name
-    return ("wifi-ptp", f"{centre}-cpe") if len(bridged) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
+    return ("wifi-ptp", f"{centre}-cpe") if len(bridge_sites) == 1 else (f"wifi-{site}", f"{centre}-cpe-{site}")
 
 
 def _bridge_plan(number: int, bridge: BridgeAnswers) -> AnsweredNetwork:
@@ -278,12 +278,12 @@ def _control_centre(writer: InventoryWriter) -> None:
     centre = writer.centre
     lan = network_or_example(centre.lan, "10.64.0.0/24")
     management = network_or_example(centre.management, "10.64.100.0/24")
-    bridged = [
+    bridges = [
         (number, name, place.wifi_bridge)
         for number, (name, place) in enumerate(writer.answers.sites.items(), start=1)
         if place.wifi_bridge is not None
     ]
-    served: list[Tree] = [
+    served_links: list[Tree] = [
         {
             "name": _bridge_names(writer, name)[0],
             "device": _bridge_names(writer, name)[1],
@@ -291,7 +291,7 @@ def _control_centre(writer: InventoryWriter) -> None:
             "address": _bridge_plan(number, bridge).at(1),
             "carries": name,
         }
-        for number, name, bridge in bridged
+        for number, name, bridge in bridges
     ]
     site: dict[str, Tree] = {
         "title": centre.title or centre.name,
@@ -299,15 +299,15 @@ def _control_centre(writer: InventoryWriter) -> None:
         "management": _management(writer, management),
         "bearers": [_cable(centre.uplink, "uplink", "203.0.113.0/29", 1, needs_canaries=False)],
     }
-    if served:
-        site["served_links"] = served
+    if served_links:
+        site["served_links"] = served_links
     site["checklist"] = {"vehicles": []}
     writer.trees[f"group_vars/{centre.name}.yml"] = (
         "The control centre: far end of all links.",
         "site",
         {"site": site},
     )
-    links = ["uplink", *(_bridge_names(writer, name)[0] for _, name, _ in bridged)]
+    links = ["uplink", *(_bridge_names(writer, name)[0] for _, name, _ in bridges)]
     writer.add(
         centre.name,
         f"{centre.name}-router",
@@ -345,7 +345,7 @@ def _cable(cable: CableAnswers, name: str, example: str, number: int, *, needs_c
         "network": network.value,
         "address": Value(cable.address) if cable.address is not None else network.at(2),
         "gateway": Value(cable.gateway) if cable.gateway is not None else network.at(1),
-        **_canaries(cable.canaries, number, needed=needs_canaries),
+        **_canaries(cable.canaries, number, is_required=needs_canaries),
         "rate": _rate(cable.rate, {"rtt_ms": 10, "up_kbps": 100_000, "down_kbps": 100_000}),
     }
 
@@ -408,7 +408,7 @@ def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]
                 "network": network.value,
                 "address": network.at(2),
                 "gateway": network.at(1),
-                **_canaries(bridge.canaries, first, needed=several),
+                **_canaries(bridge.canaries, first, is_required=several),
                 "rate": _rate(bridge.rate, {"rtt_ms": 4, "up_kbps": 50_000, "down_kbps": 50_000}),
             }
         )
@@ -417,21 +417,21 @@ def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]
         bearers.append(_cable(place.cable, "cable", example, first + 2, needs_canaries=several))
     if (lte := place.lte) is not None:
         rate = _rate(lte.rate, {"rtt_ms": 60, "up_kbps": 20_000, "down_kbps": 20_000})
-        canaries = _canaries(lte.canaries, first + 4, needed=several)
+        canaries = _canaries(lte.canaries, first + 4, is_required=several)
         bearers.append(
-            _metered(
+            _metered_link(
                 "4g", "lte", f"{name}-4g", network_or_example(lte.network, f"10.11.{number}.0/29"), lte.price_per_mb
             )
         )
         bearers[-1].update({**canaries, "rate": rate})
     if (satellite := place.satellite) is not None:
         network = network_or_example(satellite.network, f"10.12.{number}.0/29")
-        bearers.append(_metered("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
+        bearers.append(_metered_link("satellite", "satellite", f"{name}-sat", network, satellite.price_per_mb))
         bearers[-1]["rate"] = dict(_CERTUS)
     return bearers
 
 
-def _metered(name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None) -> dict[str, Tree]:
+def _metered_link(name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None) -> dict[str, Tree]:
     billing: dict[str, Tree] = {} if price is None else {"billing": {"price_per_mb": float(price)}}
     return {
         "name": name,

@@ -168,42 +168,42 @@ class Interview:
 
     def block(self, model: type[BaseModel], questions: Sequence[Question]) -> dict[str, Any]:
         """The answers to the questions about a block; what is not answered is not in it."""
-        given = {question.key: self.answer(model, question) for question in questions}
-        return {key: value for key, value in given.items() if value is not None}
+        answers = {question.key: self.answer(model, question) for question in questions}
+        return {key: value for key, value in answers.items() if value is not None}
 
     def answer(self, model: type[BaseModel], question: Question) -> Any:  # noqa: ANN401 - as YAML has it
         """The answer to a question; None where there is none."""
         prompt = f"{question.text} [{question.without}]: " if question.without else f"{question.text}: "
         while True:
-            typed = self.ask(prompt).strip()
-            if not typed and question.without:
+            text = self.ask(prompt).strip()
+            if not text and question.without:
                 return None
-            value = converted(model.model_fields[question.key].annotation, typed)
+            value = parse_answer(model.model_fields[question.key].annotation, text)
             problem = wrong(model, question.key, value)
             if problem is None:
                 return value
             self.tell(problem)
 
 
-def converted(annotation: Any, typed: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
+def parse_answer(annotation: Any, text: str) -> Any:  # noqa: ANN401 - a type, and what YAML holds
     """What was typed, as YAML would have read it in a file."""
     if _schema.model_of(annotation) is LinkRate:
-        numbers = [_number(part) for part in typed.replace(",", " ").split()]
-        required = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
-        return dict(zip(required, numbers, strict=True)) if len(numbers) == len(required) else typed
+        numbers = [_number(part) for part in text.replace(",", " ").split()]
+        required_keys = [key for key, field in LinkRate.model_fields.items() if field.is_required()]
+        return dict(zip(required_keys, numbers, strict=True)) if len(numbers) == len(required_keys) else text
     item = _schema.item_of(annotation)
     if item is not None:
-        return [converted(item, part) for part in typed.replace(",", " ").split()]
-    return _number(typed) if _schema.unwrap(annotation) in {int, float} else typed
+        return [parse_answer(item, part) for part in text.replace(",", " ").split()]
+    return _number(text) if _schema.unwrap(annotation) in {int, float} else text
 
 
-def _number(typed: str) -> int | float | str:
+def _number(text: str) -> int | float | str:
     for kind in (int, float):
         try:
-            return kind(typed)
+            return kind(text)
         except ValueError:
             continue
-    return typed
+    return text
 
 
 def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: ANN401 - as YAML has it
@@ -212,10 +212,10 @@ def wrong(model: type[BaseModel], key: str, value: Any) -> str | None:  # noqa: 
         model.model_validate({key: value})
     except ValidationError as error:
         errors = error.errors(include_url=False, include_input=False)
-        found = next((item for item in errors if item["loc"][:1] == (key,)), None)
-        if found is None:
+        first_error = next((item for item in errors if item["loc"][:1] == (key,)), None)
+        if first_error is None:
             return None
-        finding = _schema.explain(found, Node(_HERE, {key: _node(value)}), model, "answer")
+        finding = _schema.explain(first_error, Node(_HERE, {key: _node(value)}), model, "answer")
         return f"{finding.message}: {finding.hint}"
     return None
 

@@ -62,10 +62,10 @@ def _check(scratch: Path, folder: Path) -> None:
         load(scratch)
     except InventoryInvalid as error:
         names = (str(scratch), scratch.name)
-        raise InventoryInvalid(_renamed(finding, names, str(folder)) for finding in error.findings) from error
+        raise InventoryInvalid(_rename_folder(finding, names, str(folder)) for finding in error.findings) from error
 
 
-def _renamed(finding: Finding, names: Sequence[str], folder: str) -> Finding:
+def _rename_folder(finding: Finding, names: Sequence[str], folder: str) -> Finding:
     """The finding as if the folder had its final name already."""
     for name in names:
         texts = {key: getattr(finding, key).replace(name, folder) for key in ("file", "message", "hint")}
@@ -73,10 +73,10 @@ def _renamed(finding: Finding, names: Sequence[str], folder: str) -> Finding:
     return finding
 
 
-def example_files(shipped: Path) -> dict[str, str]:
+def example_files(inventory: Path) -> dict[str, str]:
     """The shipped inventory: what lies hidden is made anew."""
     return {
-        path.relative_to(shipped).as_posix(): path.read_text(encoding="utf-8")
-        for path in sorted(shipped.rglob("*"))
-        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(shipped).parts)
+        path.relative_to(inventory).as_posix(): path.read_text(encoding="utf-8")
+        for path in sorted(inventory.rglob("*"))
+        if path.is_file() and not any(part.startswith(".") for part in path.relative_to(inventory).parts)
     }

@@ -21,20 +21,20 @@ class Value:
 
 
 @dataclass(frozen=True, slots=True)
-class Vaulted:
+class VaultSecret:
     """A secret that is encrypted already."""
 
     text: str
 
 
-Tree = Mapping[str, "Tree"] | Sequence["Tree"] | Value | Vaulted | Scalar
+Tree = Mapping[str, "Tree"] | Sequence["Tree"] | Value | VaultSecret | Scalar
 
 
 def has_examples(tree: Tree) -> bool:
     """Whether any value is an example."""
     if isinstance(tree, Mapping):
         return any(has_examples(below) for below in tree.values())
-    if isinstance(tree, Value | Vaulted | str) or not isinstance(tree, Sequence):
+    if isinstance(tree, Value | VaultSecret | str) or not isinstance(tree, Sequence):
         return isinstance(tree, Value) and tree.is_example
     return any(has_examples(below) for below in tree)
 
@@ -51,7 +51,7 @@ def _mapping(tree: Mapping[str, Tree], depth: int) -> Iterator[str]:
 
 def _entry(start: str, below: Tree, depth: int) -> Iterator[str]:
     """A key, or the dash of a list, and what stands behind or below it."""
-    if isinstance(below, Vaulted):
+    if isinstance(below, VaultSecret):
         yield f"{start} !vault |"
         yield from (f"{'  ' * (depth + 1)}{line}" for line in below.text.splitlines())
     elif isinstance(below, Mapping) and below:
@@ -82,7 +82,7 @@ def _inline(below: Tree) -> str:
         return "{}"
     if isinstance(below, Sequence) and not isinstance(below, str):
         return "[]"
-    assert not isinstance(below, Vaulted)  # noqa: S101 - written by `_entry`
+    assert not isinstance(below, VaultSecret)  # noqa: S101 - written by `_entry`
     return _scalar(below)
 
 

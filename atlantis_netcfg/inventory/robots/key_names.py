@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._schema import item_of, model_of
-from atlantis_netcfg.inventory.findings import Finding, meant, shown_key
+from atlantis_netcfg.inventory.findings import Finding, shown_key, suggest
 from atlantis_netcfg.inventory.model.robot import RobotFile
 from atlantis_netcfg.inventory.robots.ros_names import why_no_name
 
@@ -41,14 +41,14 @@ class KeyNames:
 
     names: Mapping[str, str] = field(default_factory=dict)
     """Our key, alone or with those above it (`telemetry.booleans`; entries of lists have no number), and theirs."""
-    ignored: frozenset[str] = frozenset()
+    ignored_keys: frozenset[str] = frozenset()
     configuration_topic: str = CONFIGURATION_TOPIC
     """On which robots publish their files; its real name is not known, and this one is a proposal."""
 
     def key_of(self, path: tuple[str | int, ...]) -> str:
         """The key at a path of ours as the file calls it."""
-        dotted = ".".join(step for step in path if isinstance(step, str))
-        return self.names.get(dotted) or self.names.get(str(path[-1])) or str(path[-1])
+        dotted_path = ".".join(step for step in path if isinstance(step, str))
+        return self.names.get(dotted_path) or self.names.get(str(path[-1])) or str(path[-1])
 
     def translate(self, root: Node) -> tuple[Node, list[Finding]]:
         """The file with its keys called as ours, and keys that stand in it under both names.
@@ -66,7 +66,7 @@ class KeyNames:
             return replace(node, value=[self._rename(item, model, path, clashes) for item in node.value])
         if not isinstance(node.value, dict):
             return node
-        keys = {key: value for key, value in node.value.items() if key not in self.ignored}
+        keys = {key: value for key, value in node.value.items() if key not in self.ignored_keys}
         ours: dict[str, Node] = {}
         for name, info in model.model_fields.items():
             theirs = self.key_of((*path, name))
@@ -83,34 +83,34 @@ class KeyNames:
 def read_key_names(node: Node) -> tuple[KeyNames, list[Finding]]:
     """What `robots/keys.yml` declares, and what is wrong in it."""
     findings = [
-        Finding.at(below.place, f"`{shown_key(key)}` is not known here", meant(key, _OURS, none=""))
+        Finding.at(below.place, f"`{shown_key(key)}` is not known here", suggest(key, _OURS, none=""))
         for key, below in node.keys.items()
         if key not in _OURS
     ]
-    known, names = set(key_paths(RobotFile)), dict[str, str]()
-    keys, ignored = node.keys.get("keys"), node.keys.get("ignored")
+    known_keys, names = set(key_paths(RobotFile)), dict[str, str]()
+    keys, ignored_node = node.keys.get("keys"), node.keys.get("ignored")
     if keys is not None and keys.value is not None and not isinstance(keys.value, dict):
         findings.append(Finding.at(keys.place, "`keys` wants a block of keys", "write `our_key: their_key` below it"))
     for ours, theirs in (keys.keys if keys is not None else {}).items():
-        if ours not in known:
+        if ours not in known_keys:
             message = f"a robot's file has no key `{shown_key(ours)}`: ours stand on the left"
-            findings.append(Finding.at(theirs.place, message, meant(ours, sorted(known), none="")))
+            findings.append(Finding.at(theirs.place, message, suggest(ours, sorted(known_keys), none="")))
         elif not (isinstance(theirs.value, str) and re.fullmatch(KEY, theirs.value)):
             findings.append(Finding.at(theirs.mark, f"`{theirs.text}` is no key of a file", "write it like executor"))
         else:
             names[ours] = theirs.value
-    left: list[str] = []
-    if ignored is not None:
-        entries = ignored.value if isinstance(ignored.value, list) else []
-        left = [entry.value for entry in entries if isinstance(entry.value, str)]
-        if not isinstance(ignored.value, list) or len(left) < len(entries):
+    ignored_keys: list[str] = []
+    if ignored_node is not None:
+        entries = ignored_node.value if isinstance(ignored_node.value, list) else []
+        ignored_keys = [entry.value for entry in entries if isinstance(entry.value, str)]
+        if not isinstance(ignored_node.value, list) or len(ignored_keys) < len(entries):
             hint = "write it like [colour, owner]"
-            findings.append(Finding.at(ignored.place, "`ignored` wants a list of keys", hint))
+            findings.append(Finding.at(ignored_node.place, "`ignored` wants a list of keys", hint))
     topic = node.keys.get("configuration_topic")
     name = str(topic.value) if topic is not None else CONFIGURATION_TOPIC
     if topic is not None and (why := why_no_name(name) or _relative(name)):
         findings.append(Finding.at(topic.mark, *why))
-    return KeyNames(names, frozenset(left), name), findings
+    return KeyNames(names, frozenset(ignored_keys), name), findings
 
 
 def _relative(name: str) -> tuple[str, str] | None:

@@ -7,10 +7,10 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.inventory._yaml import Node, SealedSecret, parse
 from atlantis_netcfg.inventory.examples import examples_in
-from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, choices, suggest
 from atlantis_netcfg.inventory.loader import LARGEST, build, content, shown_path
 from atlantis_netcfg.inventory.model import Guest
 from atlantis_netcfg.inventory.model.robot import RobotFile, TopicKind
@@ -107,12 +107,12 @@ def read_declared(declaration: Declaration, names: KeyNames) -> list[RobotSource
 
 def read_given(files: Iterable[Path], declaration: Declaration, names: KeyNames) -> list[RobotSource]:
     """Partners' files. One with the namespace of a robot of the inventory is a newer file of that robot."""
-    declared = {source.file.resolve(): source for source in read_declared(declaration, names)}
-    known = {source.robot.name: source.vehicle for source in declared.values() if source.robot}
+    source_by_file = {source.file.resolve(): source for source in read_declared(declaration, names)}
+    vehicle_by_name = {source.robot.name: source.vehicle for source in source_by_file.values() if source.robot}
     sources = []
     for path in files:
-        source = declared.get(path.resolve()) or _read(path, declaration, names, None)
-        vehicle = source.vehicle or (known.get(source.robot.name) if source.robot else None)
+        source = source_by_file.get(path.resolve()) or _read(path, declaration, names, None)
+        vehicle = source.vehicle or (vehicle_by_name.get(source.robot.name) if source.robot else None)
         sources.append(replace(source, vehicle=vehicle))
     return _with_namespaces_compared(sources)
 
@@ -150,7 +150,7 @@ def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]
 def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSource]:
     """Two robots of one namespace carry out each other's commands, and nothing on the network says so."""
     first: dict[str, RobotSource] = {}
-    compared = []
+    result = []
     for source in sources:
         there = first.setdefault(source.robot.name, source) if source.robot is not None else source
         if there is not source:
@@ -158,22 +158,22 @@ def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSourc
             message = f"another robot has this namespace: {mark.file}:{mark.line}"
             finding = source.wrong(("namespace",), message, "give each robot a namespace of its own")
             source = replace(source, findings=(*source.findings, finding))  # noqa: PLW2901 - the same with its error
-        compared.append(source)
-    return compared
+        result.append(source)
+    return result
 
 
 def _parse(path: Path) -> tuple[Node | None, int, list[Finding]]:
     """Read one file: at most 1 MB, and 100 levels deep. Raises NothingMatched where it cannot be read."""
-    shown = shown_path(path)
+    file_name = shown_path(path)
     try:
         data = content(path)
     except OSError as error:
         reason = (error.strerror or "no reason given").lower()
-        raise NothingMatched(f"{shown} cannot be read: {reason}", hint=f"look at it: ls -ld {shown}") from None
+        raise NoMatchError(f"{file_name} cannot be read: {reason}", hint=f"look at it: ls -ld {file_name}") from None
     if len(data) > LARGEST:
         hint = "a robot publishes its configuration once a second: leave out what the control centre does not read"
-        return None, len(data), [Finding.at(Mark(shown, 1, 1), "the file is larger than 1 MB", hint)]
-    node, findings = parse(data, shown, None)
+        return None, len(data), [Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", hint)]
+    node, findings = parse(data, file_name, None)
     return node, len(data), findings
 
 
@@ -183,7 +183,7 @@ def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | 
     start = Mark(shown_path(path), 1, 1)
     if vehicle is not None and vehicle not in declaration.vehicles:
         findings.append(
-            Finding.at(start, f"no vehicle is called `{vehicle}`", meant(vehicle, declaration.vehicles, none=""))
+            Finding.at(start, f"no vehicle is called `{vehicle}`", suggest(vehicle, declaration.vehicles, none=""))
         )
     if root is not None and not isinstance(root.value, dict):
         findings.append(Finding.at(root.mark, "a robot's file holds keys, each with a value", "write `key: value`"))
@@ -220,7 +220,7 @@ def one_of_two(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
 
 def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
     """A topic and an action stand in the file once, and operators can tell commands apart."""
-    seen: dict[tuple[str, str], _Path] = {}
+    first_paths: dict[tuple[str, str], _Path] = {}
     rows = [("topic", topic.name, topic.path) for topic in robot.topics()]
     rows += [("action", action.name, action.path) for action in robot.actions()]
     rows += [
@@ -228,7 +228,7 @@ def names_once(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
         for kind, index, command in robot.every_command()
     ]
     for sort, name, path in rows:
-        there = seen.setdefault((sort, name), path)
+        there = first_paths.setdefault((sort, name), path)
         if there is not path:
             message = f"the {sort} `{name}` stands in this file already, in line {source.mark(there).line}"
             yield source.wrong(path, message, "remove one, or give each its own")
@@ -248,7 +248,7 @@ def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
             there = source.label(("telemetry", full[name].value))
             message = f"a condition wants a topic of {key}, and `{name}` stands under {there}"
         none = f"declare it under {key}"
-        hint = f"there are: {choices(booleans)}" if name in full and booleans else meant(name, booleans, none=none)
+        hint = f"there are: {choices(booleans)}" if name in full and booleans else suggest(name, booleans, none=none)
         yield source.wrong(path, message, hint)
 
 
@@ -293,11 +293,11 @@ def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Fin
 def costs_are_of_topics(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
     """The `telemetry:` of a vehicle, by which links are judged, names what its robot publishes."""
     vehicle = declaration.vehicles.get(source.vehicle or "")
-    published = [topic.name for topic in robot.topics()]
+    topic_names = [topic.name for topic in robot.topics()]
     for item in vehicle.telemetry if vehicle is not None else ():
-        if robot.full_name(item.topic) not in published:
+        if robot.full_name(item.topic) not in topic_names:
             message = f"`telemetry:` of the vehicle {source.vehicle} has `{item.topic}`, which this file has not"
-            hint = meant(robot.full_name(item.topic), published, none="correct one of the two")
+            hint = suggest(robot.full_name(item.topic), topic_names, none="correct one of the two")
             yield source.wrong(("telemetry",), message, hint)
 
 

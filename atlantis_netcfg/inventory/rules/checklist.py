@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant, why_no_name
+from atlantis_netcfg.inventory.findings import Finding, suggest, why_no_name
 from atlantis_netcfg.inventory.model import CheckItem, ItemSort, SeenFrom, Site, SiteCheckItem
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 _Path = tuple[str | int, ...]
-_Placed = tuple[Part, _Path, CheckItem]
+_ItemPlace = tuple[Part, _Path, CheckItem]
 """An item and its place."""
 
 
-def _of_vehicles(draft: Draft) -> Iterator[_Placed]:
+def _of_vehicles(draft: Draft) -> Iterator[_ItemPlace]:
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.checklist.items):
             yield Part("vehicle", key), ("checklist", "items", index), item
@@ -38,20 +38,20 @@ def unique(draft: Draft) -> Iterator[Finding]:
     yield from _twice(draft, every)
     for name, site in draft.sites.items():
         here = site.checklist.vehicles
-        always = [placed for placed in every if here is None or placed[0].name in here]
+        always = [entry for entry in every if here is None or entry[0].name in here]
         missions = range(len(site.checklist.missions))
         for mission in missions or (None,):
             yield from _twice(draft, [*always, *_of_a_site(name, site, mission)])
 
 
-def _twice(draft: Draft, items: Iterable[_Placed]) -> Iterator[Finding]:
+def _twice(draft: Draft, items: Iterable[_ItemPlace]) -> Iterator[Finding]:
     """`items`: those of one list."""
     first: dict[tuple[str | None, str], tuple[Part, _Path]] = {}
     for part, path, item in items:
         row = part.name if part.sort == "vehicle" else getattr(item, "vehicle", None)
-        seen = first.setdefault((row, item.id), (part, path))
-        if seen != (part, path):
-            where = draft.where(seen[0], *seen[1], "id")
+        first_place = first.setdefault((row, item.id), (part, path))
+        if first_place != (part, path):
+            where = draft.where(first_place[0], *first_place[1], "id")
             yield draft.wrong(
                 part, (*path, "id"), f"`{item.id}` is already the id of an item ({where})", "choose another"
             )
@@ -59,14 +59,14 @@ def _twice(draft: Draft, items: Iterable[_Placed]) -> Iterator[Finding]:
 
 def vehicles(draft: Draft) -> Iterator[Finding]:
     """The vehicle of an item is one that the site tests."""
-    known = draft.names("vehicle")
+    vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
         here = site.checklist.vehicles
         for part, path, item in _of_a_site(name, site):
             if item.vehicle is None:
                 continue
-            if item.vehicle not in known:
-                hint = meant(item.vehicle, known, none="add it to `vehicles`")
+            if item.vehicle not in vehicle_names:
+                hint = suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
                 yield draft.wrong(part, (*path, "vehicle"), f"there is no vehicle `{item.vehicle}`", hint)
             elif here is not None and item.vehicle not in here:
                 message = f"`{item.vehicle}` is not tested at `{name}`, so that nobody would be asked"
@@ -79,15 +79,15 @@ def people(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None:
         return
     roles = [role.name for role in draft.pilot.roles]
-    for part, path, words in _named(draft):
+    for part, path, words in _person_lists(draft):
         for index, word in enumerate(words):
             if why_no_name(word) is None and word not in roles:
                 none = f"declare it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
-                hint = meant(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
+                hint = suggest(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
                 yield draft.wrong(part, (*path, index), f"there is no role `{word}`", hint)
 
 
-def _named(draft: Draft) -> Iterator[tuple[Part, _Path, tuple[str, ...]]]:
+def _person_lists(draft: Draft) -> Iterator[tuple[Part, _Path, tuple[str, ...]]]:
     for part, path, item in _of_vehicles(draft):
         yield part, (*path, "by"), item.by
     for name, site in draft.sites.items():
@@ -99,9 +99,9 @@ def _named(draft: Draft) -> Iterator[tuple[Part, _Path, tuple[str, ...]]]:
 def names(draft: Draft) -> Iterator[Finding]:
     """A mission of a site, and a role of the pilot, has a name of its own."""
     for name, site in draft.sites.items():
-        listed = [mission.name for mission in site.checklist.missions]
-        for index, word in enumerate(listed):
-            if word in listed[:index]:
+        mission_names = [mission.name for mission in site.checklist.missions]
+        for index, word in enumerate(mission_names):
+            if word in mission_names[:index]:
                 path = ("checklist", "missions", index, "name")
                 yield draft.wrong(Part("site", name), path, f"there are two missions `{word}`", "rename one")
     roles = [role.name for role in draft.pilot.roles] if draft.pilot is not None else []

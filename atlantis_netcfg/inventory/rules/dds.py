@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import Dds, DdsPath, ServerComputer
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 _PILOT = Part("pilot")
 
 
-def _declared(draft: Draft) -> Dds | None:
+def _dds_settings(draft: Draft) -> Dds | None:
     return draft.pilot.dds if draft.pilot is not None else None
 
 
 def participants_have_addresses(draft: Draft) -> Iterator[Finding]:
     """Gateways and control centres that talk over the VPN have an address in it."""
-    dds = _declared(draft)
+    dds = _dds_settings(draft)
     if dds is None or dds.over is not DdsPath.VPN:
         return
     for host, device in draft.devices.items():
@@ -35,7 +35,7 @@ def participants_have_addresses(draft: Draft) -> Iterator[Finding]:
 
 def peers_in_the_vpn(draft: Draft) -> Iterator[Finding]:
     """Over the VPN a peer is reached at its tunnel address."""
-    dds = _declared(draft)
+    dds = _dds_settings(draft)
     if draft.pilot is None or dds is None or dds.over is not DdsPath.VPN:
         return
     network = draft.pilot.vpn.network
@@ -47,35 +47,35 @@ def peers_in_the_vpn(draft: Draft) -> Iterator[Finding]:
 
 def peers_once(draft: Draft) -> Iterator[Finding]:
     """Each address more is announced to all the time: hosts of the inventory are peers by themselves."""
-    dds = _declared(draft)
+    dds = _dds_settings(draft)
     if dds is None:
         return
-    seen: dict[IPv4Address, str] = {}
+    owner_by_address: dict[IPv4Address, str] = {}
     for host, device in draft.devices.items():
         if isinstance(device, ServerComputer):
             address = device.vpn_address if dds.over is DdsPath.VPN else device.address
             if address is not None:
-                seen[address] = f"`{host}`, a peer by itself"
+                owner_by_address[address] = f"`{host}`, a peer by itself"
     for index, peer in enumerate(dds.peers):
-        if peer.address in seen:
-            message = f"{peer.address} is already {seen[peer.address]}"
+        if peer.address in owner_by_address:
+            message = f"{peer.address} is already {owner_by_address[peer.address]}"
             yield draft.wrong(_PILOT, ("dds", "peers", index, "address"), message, "leave this peer out")
-        seen.setdefault(peer.address, f"the peer `{peer.name}`")
+        owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
 
 
 def peers_at_known_sites(draft: Draft) -> Iterator[Finding]:
     """A peer of a site that does not exist would be a peer of nobody there."""
-    dds = _declared(draft)
+    dds = _dds_settings(draft)
     for index, peer in enumerate(dds.peers if dds is not None else ()):
-        known = draft.names("site")
-        if peer.site is not None and peer.site not in known:
-            hint = meant(peer.site, known, none="add it to hosts.yml")
+        site_names = draft.names("site")
+        if peer.site is not None and peer.site not in site_names:
+            hint = suggest(peer.site, site_names, none="add it to hosts.yml")
             yield draft.wrong(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
 
 
 def processes_are_found(draft: Draft) -> Iterator[Finding]:
     """More processes than `participants` do not start (Cyclone DDS) or are not found (Fast DDS)."""
-    dds = _declared(draft)
+    dds = _dds_settings(draft)
     if dds is not None and dds.processes > dds.participants:
         message = f"{dds.processes} ROS processes run on a computer, and {dds.participants} of them are found"
         hint = f"write `participants: {dds.processes}`, or fewer here"

@@ -10,7 +10,7 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import (
     ETHERNET,
     AcousticEndpoint,
@@ -45,38 +45,38 @@ class _EndpointRow:
     part: Part
     path: _Path
     endpoints: Endpoints
-    marked: frozenset[str]
+    columns: frozenset[str]
     """Columns that are checked at all."""
 
     @property
-    def declared(self) -> list[str]:
+    def endpoint_names(self) -> list[str]:
         return [name for name in Endpoints.model_fields if getattr(self.endpoints, name) is not None]
 
 
 def _rows(draft: Draft) -> Iterator[_EndpointRow]:
     for key, vehicle in draft.vehicles.items():
-        marked = {str(column) for column in vehicle.table3} | ({ETHERNET} if vehicle.ethernet else set())
-        yield _EndpointRow(Part("vehicle", key), (), vehicle.endpoints, frozenset(marked))
+        columns = {str(column) for column in vehicle.table3} | ({ETHERNET} if vehicle.ethernet else set())
+        yield _EndpointRow(Part("vehicle", key), (), vehicle.endpoints, frozenset(columns))
     for name, site in draft.sites.items():
-        marked = {str(column) for column in site.location.table3} | _carried(site)
-        yield _EndpointRow(Part("site", name), ("location",), site.location.endpoints, frozenset(marked))
+        columns = {str(column) for column in site.location.table3} | _link_columns(site)
+        yield _EndpointRow(Part("site", name), ("location",), site.location.endpoints, frozenset(columns))
 
 
-def _carried(site: Site) -> set[str]:
+def _link_columns(site: Site) -> set[str]:
     """Columns of a location that are checked because of its links."""
     columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(Column.WIFI), ETHERNET}
     return columns | ({ETHERNET} if site.location.ethernet else set())
 
 
-def tested(draft: Draft) -> Iterator[Finding]:
+def check_tested_vehicles(draft: Draft) -> Iterator[Finding]:
     """The vehicles that a site tests are vehicles of the pilot, once each."""
-    known = draft.names("vehicle")
+    vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
         here = site.checklist.vehicles or ()
         for index, key in enumerate(here):
             path = ("checklist", "vehicles", index)
-            if key not in known:
-                hint = meant(key, known, none="add it to `vehicles`")
+            if key not in vehicle_names:
+                hint = suggest(key, vehicle_names, none="add it to `vehicles`")
                 yield draft.wrong(Part("site", name), path, f"there is no vehicle `{key}`", hint)
             elif key in here[:index]:
                 yield draft.wrong(Part("site", name), path, f"`{key}` stands twice in this list", "remove one")
@@ -85,8 +85,8 @@ def tested(draft: Draft) -> Iterator[Finding]:
 def in_the_table(draft: Draft) -> Iterator[Finding]:
     """What is looked at is marked in the row's own Table 3, or (a cable) beside it."""
     for row in _rows(draft):
-        for name in row.declared:
-            if name in row.marked:
+        for name in row.endpoint_names:
+            if name in row.columns:
                 continue
             message = f"`{name}` is described here, but it is not checked: `table3` does not mark it"
             hint = f"remove `{name}:` here, or mark it in `table3`"
@@ -99,7 +99,7 @@ def in_the_table(draft: Draft) -> Iterator[Finding]:
 def seen_by(draft: Draft) -> Iterator[Finding]:
     """The device that tells of an endpoint is a RouterOS device; of a location, one of its own."""
     for row in _rows(draft):
-        for name in row.declared:
+        for name in row.endpoint_names:
             host = getattr(getattr(row.endpoints, name), "seen_by", None)
             if host is None:
                 continue
@@ -110,7 +110,7 @@ def seen_by(draft: Draft) -> Iterator[Finding]:
                 if row.part.sort == "vehicle" or _at(draft, routero) == row.part.name
             ]
             if host not in draft.layout.hosts:
-                hint = meant(host, able, none="add it to hosts.yml")
+                hint = suggest(host, able, none="add it to hosts.yml")
                 yield draft.wrong(row.part, path, f"there is no host `{host}`", hint)
             elif host in draft.devices and host not in _routeros(draft):
                 message = f"`{host}` is no RouterOS device: it cannot be asked what it sees"
@@ -169,15 +169,17 @@ def addresses(draft: Draft) -> Iterator[Finding]:
     """Where a vehicle is tested, it has an address at which it can be asked."""
     gateways = {place for _, place, _ in draft.boxes(Gateway)}
     for name, site in draft.sites.items():
-        reserved = {reservation.name for reservation in site.lan.reservations}
-        listed = site.checklist.vehicles
-        if listed is None and name not in gateways:
+        reserved_names = {reservation.name for reservation in site.lan.reservations}
+        site_vehicles = site.checklist.vehicles
+        if site_vehicles is None and name not in gateways:
             continue  # nobody says that anything is tested there
-        for key in draft.vehicles if listed is None else listed:
+        for key in draft.vehicles if site_vehicles is None else site_vehicles:
             vehicle = draft.vehicles.get(key)
-            if vehicle is None or key in reserved or not (wanting := _wanting(vehicle)):
+            if vehicle is None or key in reserved_names or not (wanting := _wanting(vehicle)):
                 continue
-            path: _Path = ("checklist",) if listed is None else ("checklist", "vehicles", listed.index(key))
+            path: _Path = (
+                ("checklist",) if site_vehicles is None else ("checklist", "vehicles", site_vehicles.index(key))
+            )
             message = f"`{key}` is tested here and has no address, but is to be asked: {', '.join(wanting)}"
             hint = f"add `- {{name: {key}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
             yield draft.wrong(Part("site", name), path, message, hint)
@@ -191,8 +193,8 @@ def _wanting(vehicle: Vehicle) -> list[str]:
     wanting |= {"wifi": all_of_it.wifi is not None, "ethernet": all_of_it.ethernet is not None}
     gps = all_of_it.gps
     wanting["gps"] = gps is not None and gps.driver in {GpsDriver.GPSD, GpsDriver.NMEA_TCP}
-    requested = [name for name in Endpoints.model_fields if wanting.get(name)]
-    return [name for name in requested if getattr(all_of_it, name).address is None]
+    endpoint_names = [name for name in Endpoints.model_fields if wanting.get(name)]
+    return [name for name in endpoint_names if getattr(all_of_it, name).address is None]
 
 
 def streams(draft: Draft) -> Iterator[Finding]:
@@ -214,7 +216,7 @@ def streams(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (tested, in_the_table, seen_by, another_modem, addresses, streams)
+RULES: tuple[Rule, ...] = (check_tested_vehicles, in_the_table, seen_by, another_modem, addresses, streams)
 
 _PAIR = 2
 
@@ -240,10 +242,10 @@ def own_to_each_link(draft: Draft) -> Iterator[Finding]:
     """A canary is routed over its own link only, so no other link of the site can use it."""
     for name, site in draft.sites.items():
         part = Part("site", name)
-        seen: dict[IPv4Address, tuple[int, int]] = {}
+        first_uses: dict[IPv4Address, tuple[int, int]] = {}
         for index, bearer in enumerate(site.bearers):
             for place, canary in enumerate(bearer.canaries):
-                first = seen.setdefault(canary, (index, place))
+                first = first_uses.setdefault(canary, (index, place))
                 lonely = first[0] == index and len(set(bearer.canaries)) < _PAIR
                 if first != (index, place) and not lonely:
                     other = site.bearers[first[0]].name

@@ -32,12 +32,12 @@ def release_known(draft: Draft) -> Iterator[Finding]:
 def pins_once(draft: Draft) -> Iterator[Finding]:
     """One package has one version."""
     ros2 = draft.pilot.gateways.ros2 if draft.pilot is not None else None
-    seen: set[str] = set()
+    seen_packages: set[str] = set()
     for index, pin in enumerate(ros2.pins if ros2 is not None else ()):
-        if pin.package in seen:
+        if pin.package in seen_packages:
             message = f"`{pin.package}` is pinned twice"
             yield draft.wrong(_PILOT, ("gateways", "ros2", "pins", index), message, "remove one of the two")
-        seen.add(pin.package)
+        seen_packages.add(pin.package)
 
 
 def builds_on_ros(draft: Draft) -> Iterator[Finding]:
@@ -115,17 +115,17 @@ def way_in(draft: Draft) -> Iterator[Finding]:
 def keys_once(draft: Draft) -> Iterator[Finding]:
     """A technician's key stands once: who takes it back must not overlook a second line."""
     for host, _, device in draft.boxes(SiteComputer):
-        seen: dict[str, int] = {}
+        index_by_key: dict[str, int] = {}
         for index, key in enumerate(device.image.ssh_keys if device.image else ()):
             body = key.split(" ")[1]
-            first = seen.setdefault(body, index)
+            first = index_by_key.setdefault(body, index)
             if first != index:
                 line = draft.mark(Part("device", host), "image", "ssh_keys", first).line
                 message = f"this key stands twice, first in line {line}"
                 yield draft.wrong(Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two")
 
 
-def reserved(draft: Draft) -> Iterator[Finding]:
+def require_reservation(draft: Draft) -> Iterator[Finding]:
     """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
     for host, name, device in draft.boxes(SiteComputer):
         site = draft.sites.get(name)
@@ -137,4 +137,4 @@ def reserved(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("device", host), ("image", "address_by"), message, hint)
 
 
-GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, reserved)
+GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, require_reservation)

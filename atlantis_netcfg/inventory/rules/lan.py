@@ -87,9 +87,9 @@ def reservations_in_network(draft: Draft) -> Iterator[Finding]:
 def reservation_names(draft: Draft) -> Iterator[Finding]:
     """A name stands once in a site's reservations."""
     for name, site in draft.sites.items():
-        seen: dict[str, int] = {}
+        index_by_name: dict[str, int] = {}
         for index, reservation in enumerate(site.lan.reservations):
-            first = seen.setdefault(reservation.name, index)
+            first = index_by_name.setdefault(reservation.name, index)
             if first != index:
                 part = Part("site", name)
                 line = draft.mark(part, "lan", "reservations", first, "name").line
@@ -106,8 +106,8 @@ def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
                 continue
             part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", reservation.name)
             if device.address != reservation.address:
-                reserved = f"`{reservation.name}` is reserved {reservation.address}"
-                message = f"{reserved}, but {draft.where(of_host, 'address')} says {device.address}"
+                text = f"`{reservation.name}` is reserved {reservation.address}"
+                message = f"{text}, but {draft.where(of_host, 'address')} says {device.address}"
                 yield draft.wrong(part, (*path, "address"), message, "make both the same")
             if device.mac is not None and device.mac != reservation.mac:
                 message = (
@@ -169,11 +169,11 @@ def _twice(draft: Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Fin
     first: dict[str, _AddressUse] = {}
     result: set[tuple[str, str]] = set()
     for use in uses:
-        known = first.setdefault(use.value, use)
-        if known.owner != use.owner and (use.value, use.owner) not in result:
+        first_use = first.setdefault(use.value, use)
+        if first_use.owner != use.owner and (use.value, use.owner) not in result:
             result.add((use.value, use.owner))
-            where = draft.where(known.part, *known.path)
-            message = f"{use.value} of {use.owner} is already the {what} of {known.owner} ({where})"
+            where = draft.where(first_use.part, *first_use.path)
+            message = f"{use.value} of {use.owner} is already the {what} of {first_use.owner} ({where})"
             yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
 
 
@@ -207,8 +207,8 @@ def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
 
 
 def _router(draft: Draft, site: str) -> str:
-    found = draft.router_of(site)
-    return f"`{found[0]}`" if found is not None else f"the router of `{site}`"
+    site_router = draft.router_of(site)
+    return f"`{site_router[0]}`" if site_router is not None else f"the router of `{site}`"
 
 
 def _owner(draft: Draft, host: str) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import BEARER_TRAITS, Bearer, BearerKind, Cpe, ServedLink
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
 
-_RESERVED = "lan"
+_RESERVED_NAME = "lan"
 _MOST_SILENT_S = 1800
 
 
@@ -42,8 +42,8 @@ def ends(draft: Draft) -> Iterator[BridgeEnd]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
-        for index, served in enumerate(site.served_links):
-            yield BridgeEnd(name, ("served_links", index), served, BearerKind.WIFI_PTP)
+        for index, link in enumerate(site.served_links):
+            yield BridgeEnd(name, ("served_links", index), link, BearerKind.WIFI_PTP)
 
 
 def addresses(draft: Draft) -> Iterator[Finding]:
@@ -75,11 +75,11 @@ def _in_network(draft: Draft, end: BridgeEnd, key: str, address: IPv4Address) ->
 
 def names(draft: Draft) -> Iterator[Finding]:
     """A link's name stands once at its site, and is not the word for the management port."""
-    seen: dict[tuple[str, str], BridgeEnd] = {}
+    first_ends: dict[tuple[str, str], BridgeEnd] = {}
     for end in ends(draft):
-        first = seen.setdefault((end.site, end.link.name), end)
+        first = first_ends.setdefault((end.site, end.link.name), end)
         path = (*end.path, "name")
-        if end.link.name == _RESERVED:
+        if end.link.name == _RESERVED_NAME:
             message = "a link cannot be called `lan`: `via: lan` means the management port"
             yield draft.wrong(end.part, path, message, "choose another name")
         elif first is not end:
@@ -109,7 +109,7 @@ def _candidates(draft: Draft, site: str, kind: str) -> str:
 def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
     if host not in draft.layout.hosts:
         here = [name for name, site in draft.layout.hosts.items() if site == end.site]
-        return f"there is no host `{host}`", meant(host, here, none="add it to hosts.yml")
+        return f"there is no host `{host}`", suggest(host, here, none="add it to hosts.yml")
     if draft.layout.hosts[host] != end.site:
         message = f"`{host}` is at site `{draft.layout.hosts[host]}`, not at `{end.site}`"
         return message, f"name {_candidates(draft, end.site, kind)}" if kind is not None else "remove `device:`"
@@ -124,25 +124,25 @@ def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> 
 
 def each_box_once(draft: Draft) -> Iterator[Finding]:
     """A radio carries one link."""
-    for end, first in _shared(draft):
+    for end, first in _shared_devices(draft):
         where = draft.where(first.part, *first.path, "device")
         message = f"`{end.link.device}` already carries link `{first.link.name}` ({where})"
         yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
 
 
-def _shared(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
-    seen: dict[str, BridgeEnd] = {}
+def _shared_devices(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
+    first_ends: dict[str, BridgeEnd] = {}
     for end in ends(draft):
         if end.link.device is None or _wrong_device(draft, end, end.link.device, end.kind.traits.box) is not None:
             continue
-        first = seen.setdefault(end.link.device, end)
+        first = first_ends.setdefault(end.link.device, end)
         if first is not end:
             yield end, first
 
 
 def no_box_idle(draft: Draft) -> Iterator[Finding]:
     """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
-    waiting = {(end.site, end.kind.traits.box) for end, _ in _shared(draft)}
+    waiting = {(end.site, end.kind.traits.box) for end, _ in _shared_devices(draft)}
     used = set()
     for end in ends(draft):
         kind = end.kind.traits.box
@@ -162,7 +162,7 @@ def no_box_idle(draft: Draft) -> Iterator[Finding]:
 
 def boxes_in_network(draft: Draft) -> Iterator[Finding]:
     """The box at this end has an address of the link's network."""
-    second = [end for end, _ in _shared(draft)]
+    second = [end for end, _ in _shared_devices(draft)]
     for end in ends(draft):
         host = end.link.device
         if host is None or end in second or _wrong_device(draft, end, host, end.kind.traits.box) is not None:
@@ -184,12 +184,12 @@ def bridges(draft: Draft) -> Iterator[Finding]:
     if len(draft.sites) != len(draft.layout.sites):
         return  # an invalid site may hold the other end
     bearers = [end for end in every if end.path[0] == "bearers" and end.kind.traits.bridge]
-    served = [end for end in every if end.path[0] == "served_links"]
-    lost = [finding for end in served for finding in _carried(draft, end, bearers)]
-    yield from lost
+    served_ends = [end for end in every if end.path[0] == "served_links"]
+    findings = [finding for end in served_ends for finding in _check_carried_site(draft, end, bearers)]
+    yield from findings
     for end in bearers:
-        far = [other for other in served if _carries(other) == end.site]
-        if not far and not lost:  # a served link that carries a wrong site may be the one
+        far = [other for other in served_ends if _carries(other) == end.site]
+        if not far and not findings:  # a served link that carries a wrong site may be the one
             message = f"no site serves the other end of link `{end.link.name}` of `{end.site}`"
             hint = f"add it to `served_links` of the other site, with `carries: {end.site}`"
             yield draft.wrong(end.part, end.path, message, hint)
@@ -205,17 +205,19 @@ def _carries(end: BridgeEnd) -> str:
     return str(getattr(end.link, "carries", ""))
 
 
-def _carried(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
-    carried, path = _carries(end), (*end.path, "carries")
+def _check_carried_site(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
+    carried_site, path = _carries(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
-    if carried == end.site:
+    if carried_site == end.site:
         message = f"link `{end.link.name}` carries its own site"
         yield draft.wrong(end.part, path, message, f"name the site at the other end: {', '.join(others)}")
-    elif carried not in draft.sites:
-        yield draft.wrong(end.part, path, f"there is no site `{carried}`", meant(carried, others, none="add the site"))
-    elif not any(bearer.site == carried for bearer in bearers):
-        message = f"`{carried}` has no wifi_ptp bearer that link `{end.link.name}` could serve"
-        yield draft.wrong(end.part, path, message, f"add the bearer to `{carried}`, or remove this link")
+    elif carried_site not in draft.sites:
+        yield draft.wrong(
+            end.part, path, f"there is no site `{carried_site}`", suggest(carried_site, others, none="add the site")
+        )
+    elif not any(bearer.site == carried_site for bearer in bearers):
+        message = f"`{carried_site}` has no wifi_ptp bearer that link `{end.link.name}` could serve"
+        yield draft.wrong(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
 
 
 def _agree(draft: Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:

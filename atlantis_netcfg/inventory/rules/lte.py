@@ -77,13 +77,13 @@ def fields(draft: Draft) -> Iterator[Finding]:
     for host, _, device in draft.boxes(LteRouter):
         part, driver = Part("device", host), device.driver
         for field in FIELDS:
-            given = _value(device, field.path) not in {None, ()}
+            is_set = _value(device, field.path) not in {None, ()}
             name = ".".join(field.path)
-            if given and driver not in field.of:
+            if is_set and driver not in field.of:
                 drivers = " and ".join(field.of)
                 message = f"`{name}` has no effect with driver `{driver}`"
                 yield draft.wrong(part, field.path, message, f"remove it: it is for driver {drivers}")
-            elif not given and driver in field.needed_by:
+            elif not is_set and driver in field.needed_by:
                 message = f"driver `{driver}` needs `{name}`"
                 path = ("driver",)
                 yield draft.wrong(part, path, message, field.hint)

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import Access, Cpe, Router, Site, Switch
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
@@ -56,8 +56,8 @@ def vpn_admitted(draft: Draft) -> Iterator[Finding]:
 
 
 def _by_tunnel(draft: Draft, site: str) -> bool:
-    found = draft.router_of(site)
-    if found is not None and found[1].vpn_client is not None:
+    site_router = draft.router_of(site)
+    if site_router is not None and site_router[1].vpn_client is not None:
         return True
     return any(place == site and access.via != _LAN for _, place, access in _accesses(draft))
 
@@ -116,7 +116,7 @@ def via_known(draft: Draft) -> Iterator[Finding]:
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
         if site is not None and access.via not in _ways(site):
-            message, hint = f"`{access.via}` is no bearer of `{name}`", meant(access.via, _ways(site), none="")
+            message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _ways(site), none="")
             yield draft.wrong(Part("device", host), ("access", "via"), message, hint)
 
 
@@ -137,7 +137,7 @@ RULES: tuple[Rule, ...] = (
 _GROUP_OF = {kind: group for group, kind in KIND_GROUPS.items()}
 
 
-def grouped(draft: Draft) -> Iterator[Finding]:
+def check_groups(draft: Draft) -> Iterator[Finding]:
     """A host stands in the group of its kind: playbooks go by the group."""
     for host, mark in draft.layout.marks.items():
         kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
@@ -169,16 +169,16 @@ def one_router(draft: Draft) -> Iterator[Finding]:
             yield Finding.at(draft.layout.marks[second], message, "a site has one router: make it a site of its own")
 
 
-GROUPS_RULES: tuple[Rule, ...] = (grouped, one_router)
+GROUPS_RULES: tuple[Rule, ...] = (check_groups, one_router)
 
 
 def zone(draft: Draft) -> Iterator[Finding]:
     """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""
     if draft.pilot is None or _exists(draft.pilot.time_zone):
         return
-    known = available_timezones()
-    if known:
-        near = nearest(draft.pilot.time_zone, known)
+    zones = available_timezones()
+    if zones:
+        near = nearest(draft.pilot.time_zone, zones)
         hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
         yield draft.wrong(Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint)
 
@@ -195,12 +195,12 @@ def servers(draft: Draft) -> Iterator[Finding]:
     """A time server stands once."""
     if draft.pilot is None:
         return
-    seen: dict[IPv4Address, str] = {}
+    name_by_address: dict[IPv4Address, str] = {}
     for index, time_server in enumerate(draft.pilot.time_servers):
-        if time_server.address in seen:
-            message = f"{time_server.address} is already the address of {seen[time_server.address]}"
+        if time_server.address in name_by_address:
+            message = f"{time_server.address} is already the address of {name_by_address[time_server.address]}"
             yield draft.wrong(Part("pilot"), ("time_servers", index, "address"), message, "name another server")
-        seen.setdefault(time_server.address, time_server.name)
+        name_by_address.setdefault(time_server.address, time_server.name)
 
 
 CLOCK_RULES: tuple[Rule, ...] = (zone, servers)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.findings import Finding
 
 
-_RESERVED: tuple[tuple[IPv4Network, str], ...] = (
+_RESERVED_NETWORKS: tuple[tuple[IPv4Network, str], ...] = (
     (IPv4Network("0.0.0.0/8"), "this network"),
     (IPv4Network("127.0.0.0/8"), "loopback"),
     (IPv4Network("169.254.0.0/16"), "link-local addresses"),
@@ -70,12 +70,12 @@ def claims(draft: Draft) -> Iterator[Claim]:
 class NetworkIndex:
     """Claims by place, for pilots of hundreds of sites: of two networks that overlap, one contains the other."""
 
-    def __init__(self, found: Iterable[Claim] = ()) -> None:
+    def __init__(self, initial_claims: Iterable[Claim] = ()) -> None:
         self._claims: list[Claim] = []
         self._by_network: dict[IPv4Network, list[int]] = {}
         self._starts: list[tuple[int, int]] = []
         self._lengths: set[int] = set()
-        for claim in found:
+        for claim in initial_claims:
             self.add(claim)
 
     def add(self, claim: Claim) -> None:
@@ -90,24 +90,24 @@ class NetworkIndex:
         """Return the claims that overlap a network, in the order in which they came."""
         first, last = int(network.network_address), int(network.broadcast_address)
         low, high = bisect_left(self._starts, (first, 0)), bisect_right(self._starts, (last, len(self._claims)))
-        found = {number for _, number in self._starts[low:high]}
+        numbers = {number for _, number in self._starts[low:high]}
         for length in (length for length in self._lengths if length < network.prefixlen):
-            found.update(self._by_network.get(network.supernet(new_prefix=length), ()))
-        return [self._claims[number] for number in sorted(found)]
+            numbers.update(self._by_network.get(network.supernet(new_prefix=length), ()))
+        return [self._claims[number] for number in sorted(numbers)]
 
 
 def disjoint(draft: Draft) -> Iterator[Finding]:
     """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
-    seen = NetworkIndex()
+    network_index = NetworkIndex()
     for claim in claims(draft):
-        others = [other for other in seen.over(claim.network) if not _one_bridge(claim, other)]
+        others = [other for other in network_index.over(claim.network) if not _one_bridge(claim, other)]
         if others:
             first = others[0]
             more = f" and {len(others) - 1} more" if len(others) > 1 else ""
             where = f"{first.network} of {first.what} ({draft.where(first.part, *first.path)}){more}"
             message = f"{claim.network} of {claim.what} overlaps {where}"
             yield draft.wrong(claim.part, claim.path, message, "give it a network of its own")
-        seen.add(claim)
+        network_index.add(claim)
 
 
 def _one_bridge(claim: Claim, other: Claim) -> bool:
@@ -117,7 +117,7 @@ def _one_bridge(claim: Claim, other: Claim) -> bool:
 def usable(draft: Draft) -> Iterator[Finding]:
     """No network lies in a block that devices cannot use."""
     for claim in claims(draft):
-        for block, purpose in _RESERVED:
+        for block, purpose in _RESERVED_NETWORKS:
             if claim.network.overlaps(block):
                 message = f"{claim.network} of {claim.what} touches {block}, which is for {purpose}"
                 yield draft.wrong(claim.part, claim.path, message, "choose from 10.0.0.0/8, or as the provider gave it")
@@ -134,18 +134,18 @@ def pools(draft: Draft) -> Iterator[Finding]:
         (f"`{name}`", partner.vpn_pool, Part("partner", name), ("vpn_pool",))
         for name, partner in draft.partners.items()
     ]
-    seen: list[tuple[str, IPv4Network, Part, tuple[str, ...]]] = []
+    earlier_pools: list[tuple[str, IPv4Network, Part, tuple[str, ...]]] = []
     for what, pool, part, path in (infrastructure, *partners):
         if not pool.subnet_of(vpn.network):
             where = draft.where(Part("pilot"), "vpn", "network")
             message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
             yield draft.wrong(part, path, message, f"choose a part of {vpn.network}")
-        for other, taken, other_part, other_path in seen:
-            if pool.overlaps(taken):
+        for other, other_pool, other_part, other_path in earlier_pools:
+            if pool.overlaps(other_pool):
                 where = draft.where(other_part, *other_path)
-                message = f"the pool {pool} of {what} overlaps {taken} of {other} ({where})"
+                message = f"the pool {pool} of {what} overlaps {other_pool} of {other} ({where})"
                 yield draft.wrong(part, path, message, "give it a pool of its own")
-        seen.append((what, pool, part, path))
+        earlier_pools.append((what, pool, part, path))
 
 
 RULES: tuple[Rule, ...] = (disjoint, usable, pools)

@@ -9,7 +9,7 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import (
     Bearer,
     PoeMode,
@@ -36,10 +36,10 @@ def links_of(site: Site) -> list[str]:
 def names(draft: Draft) -> Iterator[Finding]:
     """A port stands once in the list."""
     for host, device in draft.devices.items():
-        part, seen = Part("device", host), dict[str, int]()
+        part, index_by_name = Part("device", host), dict[str, int]()
         ports: tuple[Port | SwitchPort, ...] = device.ports if isinstance(device, Router | Switch) else ()
         for index, port in enumerate(ports):
-            first = seen.setdefault(port.name, index)
+            first = index_by_name.setdefault(port.name, index)
             if first != index:
                 line = draft.mark(part, "ports", first, "name").line
                 message = f"port {port.name} stands twice, first in line {line}"
@@ -94,17 +94,17 @@ def known_links(draft: Draft) -> Iterator[Finding]:
             message = f"`{name}` has no link `{port.link}`" + (
                 f": that is one of `{elsewhere[0]}`" if elsewhere else ""
             )
-            hint = meant(port.link, links_of(site), none="")
+            hint = suggest(port.link, links_of(site), none="")
             yield draft.wrong(Part("device", host), ("ports", index, "link"), message, hint)
 
 
 def one_port_a_link(draft: Draft) -> Iterator[Finding]:
     """Every link of the site has exactly one port of its router."""
     for name, site in draft.sites.items():
-        found = draft.router_of(name)
-        if found is None:
+        site_router = draft.router_of(name)
+        if site_router is None:
             continue
-        host, router = found
+        host, router = site_router
         part = Part("device", host)
         unclear = any(_unclear(port.use, port.link, site) for port in router.ports)
         links = links_of(site)
@@ -195,15 +195,15 @@ def _can_feed(draft: Draft, host: str) -> bool:
 
 
 def _wrong_source(draft: Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
-    named = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
+    hint = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
     if source not in draft.layout.hosts:
-        return f"there is no host `{source}`", meant(source, able, none=named)
+        return f"there is no host `{source}`", suggest(source, able, none=hint)
     if source == host:
-        return f"`{host}` cannot feed itself", named
+        return f"`{host}` cannot feed itself", hint
     if draft.layout.hosts[source] != draft.layout.hosts[host]:
-        return f"`{source}` is at site `{draft.layout.hosts[source]}`, `{host}` is not", named
+        return f"`{source}` is at site `{draft.layout.hosts[source]}`, `{host}` is not", hint
     if draft.kind_of(source) is not None and not _can_feed(draft, source):
-        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch feeds others", named
+        return f"`{source}` is a {draft.kind_of(source)}: only a router or a switch feeds others", hint
     return None
 
 
@@ -212,13 +212,15 @@ def port_feeds(draft: Draft) -> Iterator[Finding]:
     fed = Counter((source.device, source.port) for _, source in _fed(draft))
     for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
-        shared = fed[source.device, source.port] > 1
-        if isinstance(router, Router | Switch) and (problem := _wrong_port(draft, host, source, router, shared=shared)):
+        is_shared = fed[source.device, source.port] > 1
+        if isinstance(router, Router | Switch) and (
+            problem := _wrong_port(draft, host, source, router, is_shared=is_shared)
+        ):
             yield draft.wrong(Part("device", host), ("powered_by", "port"), *problem)
 
 
 def _wrong_port(
-    draft: Draft, host: str, source: PowerSource, router: Router | Switch, *, shared: bool
+    draft: Draft, host: str, source: PowerSource, router: Router | Switch, *, is_shared: bool
 ) -> tuple[str, str] | None:
     ports: tuple[Port | SwitchPort, ...] = router.ports
     port = next((port for port in ports if port.name == source.port), None)
@@ -230,7 +232,7 @@ def _wrong_port(
         return f"port {port.name} of `{source.device}` cannot feed power: it has no `poe`", hint
     if port.poe.out is PoeMode.OFF:
         return f"port {port.name} of `{source.device}` has its power switched off", hint
-    if shared:
+    if is_shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
     return _other_cable(draft, host, source, router)
 
@@ -270,9 +272,9 @@ def _link_of(draft: Draft, host: str) -> str | None:
 
 def one_device_a_port(draft: Draft) -> Iterator[Finding]:
     """A port feeds one device."""
-    seen: dict[tuple[str, str], str] = {}
+    first_hosts: dict[tuple[str, str], str] = {}
     for host, source in _rightly_fed(draft):
-        first = seen.setdefault((source.device, source.port), host)
+        first = first_hosts.setdefault((source.device, source.port), host)
         if first != host:
             where = draft.where(Part("device", first), "powered_by", "port")
             message = f"port {source.port} of `{source.device}` already feeds `{first}` ({where})"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import KEY_OCTETS, Transport
 from atlantis_netcfg.inventory.rules.networks import claims
 
@@ -25,7 +25,7 @@ def reflector(draft: Draft) -> Iterator[Finding]:
     kind = draft.kind_of(host)
     path = ("qualify", "reflector")
     if host not in draft.layout.hosts:
-        hint = meant(host, centres, none="add a host of group control_centres")
+        hint = suggest(host, centres, none="add a host of group control_centres")
         yield draft.wrong(_PILOT, path, f"there is no host `{host}`", hint)
     elif kind not in {None, "control_centre"}:
         hint = f"name a control_centre: {choices(centres) or 'there is none'}"
@@ -37,10 +37,10 @@ def port_is_free(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None or draft.pilot.qualify is None:
         return
     qualify = draft.pilot.qualify
-    found = draft.router_of(draft.layout.hosts.get(qualify.reflector, ""))
-    if found is None:
+    site_router = draft.router_of(draft.layout.hosts.get(qualify.reflector, ""))
+    if site_router is None:
         return
-    host, router = found
+    host, router = site_router
     for index, forward in enumerate(router.forwards):
         if (forward.transport, forward.port) == (Transport.UDP, qualify.port):
             where = draft.where(Part("device", host), "forwards", index, "port")

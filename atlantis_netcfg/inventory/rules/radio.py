@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.inventory import channels
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import (
     Cpe,
     Gateway,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
 
-_SHARED = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
+_SHARED_KEYS = ("ssid", "protocol", "standard", "band", "frequency_mhz", "width_mhz", "country", "outdoor", "wpa")
 """What both ends have in common, besides the key."""
 _WIDEST = {"2ghz": 40, "5ghz": 80}
 _KEY_CHARACTERS = range(8, 64)
@@ -142,9 +142,13 @@ def _channel(radio: WifiRadio) -> tuple[str, str, int, int]:
 def channel(draft: Draft) -> Iterator[Finding]:
     """The channel exists in the band and is legal in the radio's country."""
     for part, block, radio in _transmitters(draft):
-        known = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
+        legal_channels = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
         where = "outdoors" if radio.outdoor else "indoors"
-        hint = f"channels {where} in {radio.country}: {choices(map(str, known))}" if known else "choose a smaller width"
+        hint = (
+            f"channels {where} in {radio.country}: {choices(map(str, legal_channels))}"
+            if legal_channels
+            else "choose a smaller width"
+        )
         if not channels.is_channel(radio.band, radio.frequency_mhz):
             message = f"{radio.frequency_mhz} MHz is no channel of {radio.band}"
             yield draft.wrong(part, (block, "frequency_mhz"), message, hint)
@@ -190,15 +194,15 @@ def peers(draft: Draft) -> Iterator[Finding]:
     """Each end names the other."""
     others = [host for host in draft.layout.hosts if draft.kind_of(host) == "cpe"]
     for host, part, ptp in _radios(draft):
-        known = [name for name in others if name != host]
+        other_ends = [name for name in others if name != host]
         peer = draft.devices.get(ptp.peer)
         if ptp.peer not in draft.layout.hosts:
-            problem = (f"there is no host `{ptp.peer}`", meant(ptp.peer, known, none="add it to hosts.yml"))
+            problem = (f"there is no host `{ptp.peer}`", suggest(ptp.peer, other_ends, none="add it to hosts.yml"))
         elif ptp.peer == host:
-            problem = (f"`{host}` is its own peer", f"name the other end: {choices(known)}")
+            problem = (f"`{host}` is its own peer", f"name the other end: {choices(other_ends)}")
         elif draft.kind_of(ptp.peer) not in {"cpe", None}:
             message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
-            problem = (message, f"name the other end: {choices(known)}")
+            problem = (message, f"name the other end: {choices(other_ends)}")
         elif isinstance(peer, Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
             where = draft.where(Part("device", ptp.peer), "ptp", "peer")
             problem = (
@@ -217,17 +221,17 @@ def agree(draft: Draft) -> Iterator[Finding]:
         if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
             continue
         first = Part("device", ptp.peer)
-        shared = (
-            _SHARED if draft.pilot is None else [item for item in _SHARED if item != "country"]
+        shared_keys = (
+            _SHARED_KEYS if draft.pilot is None else [item for item in _SHARED_KEYS if item != "country"]
         )  # else told by `country`
-        for name in shared:
+        for name in shared_keys:
             here, there = getattr(ptp, name), getattr(other.ptp, name)
             if here != there:
                 text = f"`{name}` is {_word(here)} here and {_word(there)} at the other end"
                 message = f"{text} ({draft.where(first, 'ptp', name)})"
                 yield draft.wrong(part, ("ptp", name), message, "make both ends the same")
-        sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
-        if not sealed and ptp.key != other.ptp.key:
+        is_sealed = isinstance(ptp.key, SealedSecret) or isinstance(other.ptp.key, SealedSecret)
+        if not is_sealed and ptp.key != other.ptp.key:
             message = f"the key differs from the other end's ({draft.where(first, 'ptp', 'key')})"
             yield draft.wrong(part, ("ptp", "key"), message, "make both ends the same")
         if ptp.mode is other.ptp.mode:
@@ -251,16 +255,16 @@ def bridged_peers(draft: Draft) -> Iterator[Finding]:
         for index, link in enumerate(site.served_links):
             far = draft.sites.get(link.carries)
             here = draft.devices.get(link.device)
-            carried = (
+            carried_boxes = (
                 {bearer.device for bearer in far.bearers if bearer.kind.traits.bridge} if far is not None else set()
             )
             peer = here.ptp.peer if isinstance(here, Cpe) else None
-            known = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
-            if known and carried and None not in carried and peer not in carried:
+            is_known_peer = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
+            if is_known_peer and carried_boxes and None not in carried_boxes and peer not in carried_boxes:
                 message = (
                     f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
                 )
-                hint = f"its peer is {choices(str(item) for item in carried)}: correct `peer` or `carries`"
+                hint = f"its peer is {choices(str(item) for item in carried_boxes)}: correct `peer` or `carries`"
                 yield draft.wrong(Part("site", name), ("served_links", index, "device"), message, hint)
 
 
@@ -354,18 +358,18 @@ def level(draft: Draft) -> Iterator[Finding]:
         gains = (ptp.antenna_gain_dbi, other.ptp.antenna_gain_dbi)
         if ptp.tx_power_dbm is None or gains[0] is None or gains[1] is None:
             continue
-        received = ptp.tx_power_dbm + gains[0] + gains[1] - _lost_db(ptp, distance_m)
+        received_dbm = ptp.tx_power_dbm + gains[0] + gains[1] - _lost_db(ptp, distance_m)
         signal = other.ptp.signal
         if signal.weakest_dbm >= signal.strongest_dbm:
             continue  # told by `bounds`
-        if received > signal.strongest_dbm:
+        if received_dbm > signal.strongest_dbm:
             what, bound = "above the strongest level", signal.strongest_dbm
-        elif received < signal.weakest_dbm:
+        elif received_dbm < signal.weakest_dbm:
             what, bound = "below the weakest level", signal.weakest_dbm
         else:
             continue
         where = draft.where(Part("device", ptp.peer), "ptp", "signal")
-        message = f"`{ptp.peer}` would hear {received:.0f} dBm over {distance_m} m, {what} that it declares"
+        message = f"`{ptp.peer}` would hear {received_dbm:.0f} dBm over {distance_m} m, {what} that it declares"
         yield draft.wrong(part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m))
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
-from atlantis_netcfg.inventory.model import COLLECTED, ControlCentre, Gateway, ServerComputer
+from atlantis_netcfg.inventory.findings import Finding, suggest
+from atlantis_netcfg.inventory.model import COLLECTION_FOLDER, ControlCentre, Gateway, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,11 +32,11 @@ def robots_known(draft: Draft) -> Iterator[Finding]:
     """A robot is a declared vehicle, has one gateway, and a folder with its name that is no computer's."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     names = [] if retrieval is None else [robot.robot for robot in retrieval.robots]
-    known = draft.names("vehicle")
+    vehicle_names = draft.names("vehicle")
     for index, name in enumerate(names):
         path = ("retrieval", "robots", index, "robot")
-        if name not in known:
-            hint = meant(name, known, none="add it to vehicles.yml")
+        if name not in vehicle_names:
+            hint = suggest(name, vehicle_names, none="add it to vehicles.yml")
             yield draft.wrong(_PILOT, path, f"there is no vehicle `{name}`", hint)
         elif name in names[:index]:
             hint = "keep the one with the gateway of the site where the robot is now"
@@ -85,7 +85,7 @@ def robots_apart(draft: Draft) -> Iterator[Finding]:
 
 
 def _touches(folder: str) -> bool:
-    return f"{folder}/".startswith(f"{COLLECTED}/") or f"{COLLECTED}/".startswith(f"{folder}/")
+    return f"{folder}/".startswith(f"{COLLECTION_FOLDER}/") or f"{COLLECTION_FOLDER}/".startswith(f"{folder}/")
 
 
 def sources_once(draft: Draft) -> Iterator[Finding]:
@@ -103,8 +103,8 @@ def _end(
 ) -> Iterator[Finding]:
     where = ("retrieval", *path)
     if name not in draft.layout.hosts:
-        known = [host for host, _, _ in draft.boxes(kind)]
-        hint = meant(name, known, none=f"declare the {words} first")
+        host_names = [host for host, _, _ in draft.boxes(kind)]
+        hint = suggest(name, host_names, none=f"declare the {words} first")
         yield draft.wrong(_PILOT, where, f"there is no host `{name}`", hint)
         return
     device = draft.devices.get(name)

@@ -18,7 +18,13 @@ from atlantis_netcfg.inventory.model import (
     SatelliteTerminal,
     Transport,
 )
-from atlantis_netcfg.inventory.satellite_allow_list import FAR_END_TARGET, VPN_TARGET, admits, allowed, derived
+from atlantis_netcfg.inventory.satellite_allow_list import (
+    FAR_END_TARGET,
+    VPN_TARGET,
+    admits,
+    allowed_targets,
+    derive_targets,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,13 +51,15 @@ def additions_only(draft: Draft) -> Iterator[Finding]:
     """What is derived is not declared a second time: two places for one fact drift apart."""
     if draft.pilot is None:
         return
-    known = derived(draft.pilot)
+    derived_targets = derive_targets(draft.pilot)
     for name, index, bearer in _satellites(draft):
         for place, target in enumerate(bearer.allow):
-            same = next((allowed_target for allowed_target in known if _key(allowed_target) == _key(target)), None)
+            same = next(
+                (allowed_target for allowed_target in derived_targets if _key(allowed_target) == _key(target)), None
+            )
             if same is not None:
-                named = {VPN_TARGET: "the VPN", FAR_END_TARGET: f"the {FAR_END_TARGET}"}
-                what = named.get(same.name, f"the time server {same.name}")
+                target_names = {VPN_TARGET: "the VPN", FAR_END_TARGET: f"the {FAR_END_TARGET}"}
+                what = target_names.get(same.name, f"the time server {same.name}")
                 message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
                 hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
                 yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, hint)
@@ -61,13 +69,13 @@ def each_once(draft: Draft) -> Iterator[Finding]:
     """No destination stands twice."""
     for name, index, bearer in _satellites(draft):
         for key in ("allow", "refused_probes"):
-            seen: set[tuple[IPv4Address, int | None, Transport]] = set()
+            seen_targets: set[tuple[IPv4Address, int | None, Transport]] = set()
             for place, target in enumerate(getattr(bearer, key)):
-                if _key(target) in seen:
+                if _key(target) in seen_targets:
                     verb = "admits" if key == "allow" else "probes"
                     message = f"`{bearer.name}` {verb} {target.address} twice in the same way"
                     yield draft.wrong(Part("site", name), ("bearers", index, key, place), message, "remove one")
-                seen.add(_key(target))
+                seen_targets.add(_key(target))
 
 
 def refused_means_refused(draft: Draft) -> Iterator[Finding]:
@@ -77,7 +85,7 @@ def refused_means_refused(draft: Draft) -> Iterator[Finding]:
     for name, index, bearer in _satellites(draft):
         for place, target in enumerate(bearer.refused_probes):
             path = ("bearers", index, "refused_probes", place)
-            if admits(allowed(draft.pilot, bearer), target.address, target.port, target.transport):
+            if admits(allowed_targets(draft.pilot, bearer), target.address, target.port, target.transport):
                 message = f"`{bearer.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
                 hint = "name an address or a port of yours that is not on the allow-list"
                 yield draft.wrong(Part("site", name), path, message, hint)
@@ -102,16 +110,16 @@ def one_factory_address(draft: Draft) -> Iterator[Finding]:
 def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
     """A backup is a file's name and its hash: one without the other proves nothing."""
     for host, _, terminal in draft.boxes(SatelliteTerminal):
-        seen, part = terminal.evidence, Part("device", host)
-        if seen is None:
+        evidence, part = terminal.evidence, Part("device", host)
+        if evidence is None:
             continue
-        if (seen.backup_file is None) != (seen.backup_sha256 is None):
-            missing = "backup_sha256" if seen.backup_sha256 is None else "backup_file"
+        if (evidence.backup_file is None) != (evidence.backup_sha256 is None):
+            missing = "backup_sha256" if evidence.backup_sha256 is None else "backup_file"
             message = f"the evidence of `{host}` names a backup without `{missing}`"
             hint = "add it (sha256sum FILE prints the hash), or remove both"
             yield draft.wrong(part, ("evidence",), message, hint)
-        if seen.backup_file is not None and ("/" in seen.backup_file or seen.backup_file.startswith(".")):
-            message = f"`{seen.backup_file}` is no plain file name"
+        if evidence.backup_file is not None and ("/" in evidence.backup_file or evidence.backup_file.startswith(".")):
+            message = f"`{evidence.backup_file}` is no plain file name"
             hint = "put the file into the inventory's folder evidence/, and write its name only"
             yield draft.wrong(part, ("evidence", "backup_file"), message, hint)
 

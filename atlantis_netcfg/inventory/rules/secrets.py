@@ -29,8 +29,8 @@ def in_clear(draft: Draft) -> Iterator[Finding]:
     """A real secret never stands readable in a file that goes into git."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
-            vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
-            if not vaulted and not secret.is_example:
+            is_vaulted = isinstance(draft.nodes[part].at(*path).value, Secret)
+            if not is_vaulted and not secret.is_example:
                 name = str(path[-1])
                 message = f"`{name}` stands in clear text"
                 yield draft.wrong(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
@@ -100,17 +100,17 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None or draft.pilot.example_values:
         return
     but = f"but `example_values` is false ({draft.where(Part('pilot'), 'example_values')})"
-    marked: dict[Mark, list[str]] = {}
+    keys_by_mark: dict[Mark, list[str]] = {}
     for example in examples_in(draft.nodes.values()):
         if example.recognised is None:
-            marked.setdefault(Mark(example.file, example.line, 1), []).append(f"`{example.key}`")
+            keys_by_mark.setdefault(Mark(example.file, example.line, 1), []).append(f"`{example.key}`")
         else:
             is_key = example.recognised == SSH_KEY
             hint = "write the real value, or set `example_values: true`"
             hint = "write a technician's public key: the line of the .pub file" if is_key else hint
             mark = Mark(example.file, example.line, example.column)
             yield Finding.at(mark, f"{example.recognised} is still an example, {but}", hint)
-    for mark, keys in marked.items():
+    for mark, keys in keys_by_mark.items():
         words = ", ".join(dict.fromkeys(keys))
         verb = "is" if len(set(keys)) == 1 else "are"
         hint = "write what is true, and delete the mark `# EXAMPLE`; or set `example_values: true`"

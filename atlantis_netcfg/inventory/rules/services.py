@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import (
     REFLECTOR_PORT,
     ROS1_BRIDGE,
@@ -38,9 +38,9 @@ def _services(draft: Draft) -> Iterator[tuple[str, ServerComputer, int, HostedSe
 
 def names_once(draft: Draft) -> Iterator[Finding]:
     """The name is that of the unit and of the account."""
-    seen: dict[tuple[str, str], int] = {}
+    index_by_name: dict[tuple[str, str], int] = {}
     for host, _, index, service in _services(draft):
-        first = seen.setdefault((host, service.name), index)
+        first = index_by_name.setdefault((host, service.name), index)
         if first != index:
             line = draft.mark(Part("device", host), "services", first, "name").line
             message = f"`{service.name}` is already the name of a service of `{host}`, in line {line}"
@@ -49,40 +49,40 @@ def names_once(draft: Draft) -> Iterator[Finding]:
 
 def ports_once(draft: Draft) -> Iterator[Finding]:
     """A port is that of one service, and of nothing that the toolkit itself runs there."""
-    seen: dict[tuple[str, _PortKey], str] = {}
+    owner_by_port: dict[tuple[str, _PortKey], str] = {}
     for host, device in draft.devices.items():
         if isinstance(device, ServerComputer):
-            seen |= {(host, key): why for key, why in _taken(draft, host, device).items()}
+            owner_by_port |= {(host, key): why for key, why in _occupied_ports(draft, host, device).items()}
     for host, _, index, service in _services(draft):
         if service.port is None:
             continue
         part, path, key = Part("device", host), ("services", index, "port"), (host, (service.transport, service.port))
-        if key in seen:
-            message = f"{service.transport} port {service.port} of `{host}` is already {seen[key]}"
+        if key in owner_by_port:
+            message = f"{service.transport} port {service.port} of `{host}` is already {owner_by_port[key]}"
             yield draft.wrong(part, path, message, "choose a port that is free")
         why = f"that of the service `{service.name}`, in line {draft.mark(part, *path).line}"
-        seen.setdefault(key, why)
+        owner_by_port.setdefault(key, why)
 
 
-def _taken(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, str]:
+def _occupied_ports(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, str]:
     """What is opened on the computer besides its own services."""
-    taken: dict[_PortKey, str] = {
+    owner_by_port: dict[_PortKey, str] = {
         (Transport.UDP, _NTP_PORT): "that of the time server for the LAN",
         (Transport.TCP, device.ssh.port): "that of SSH",
     }
     if draft.pilot is None:
-        return taken
+        return owner_by_port
     if device.vpn_address is not None:
-        taken[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
+        owner_by_port[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
     if draft.pilot.qualify is not None:
-        taken[Transport.UDP, draft.pilot.qualify.port] = "that of the far end of measurements (pilot.qualify)"
+        owner_by_port[Transport.UDP, draft.pilot.qualify.port] = "that of the far end of measurements (pilot.qualify)"
     if draft.pilot.dds is not None:
-        taken |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
+        owner_by_port |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
     for index, service in enumerate(draft.pilot.vpn.services):
         if service.host == host:
             where = draft.where(_PILOT, "vpn", "services", index, "port")
-            taken[service.transport, service.port] = f"a service for all partners ({where})"
-    return taken
+            owner_by_port[service.transport, service.port] = f"a service for all partners ({where})"
+    return owner_by_port
 
 
 def open_ports(draft: Draft) -> Iterator[Finding]:
@@ -104,12 +104,12 @@ def partners_known(draft: Draft) -> Iterator[Finding]:
     whole = draft.nodes.get(Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
-    known = draft.names("partner")
+    partner_names = draft.names("partner")
     for host, _, index, service in _services(draft):
         for place, partner in enumerate(service.partners):
             path = ("services", index, "partners", place)
-            if partner not in known:
-                hint = meant(partner, known, none="add it to `partners`")
+            if partner not in partner_names:
+                hint = suggest(partner, partner_names, none="add it to `partners`")
                 yield draft.wrong(Part("device", host), path, f"there is no partner `{partner}`", hint)
             elif partner in service.partners[:place]:
                 yield draft.wrong(Part("device", host), path, f"`{partner}` stands twice in this list", "remove one")
@@ -139,19 +139,19 @@ def started_once(draft: Draft) -> Iterator[Finding]:
 
 def programs_apart(draft: Draft) -> Iterator[Finding]:
     """A partner's program does not run as root, and two do not write to one folder."""
-    seen: dict[tuple[str, str], str] = {}
+    owner_by_folder: dict[tuple[str, str], str] = {}
     for host, _, index, service in _services(draft):
-        if service.started is None:
+        if service.workload is None:
             continue
         form = "program" if service.program is not None else "container"
         part, path = Part("device", host), ("services", index, form)
-        if service.started.user == "root":
+        if service.workload.user == "root":
             message = f"the service `{service.name}` would run as root, and its program is not ours"
             yield draft.wrong(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
-        if service.started.data is not None:
-            first = seen.setdefault((host, service.started.data), service.name)
+        if service.workload.data is not None:
+            first = owner_by_folder.setdefault((host, service.workload.data), service.name)
             if first != service.name:
-                message = f"{service.started.data} is already the folder of the service `{first}`"
+                message = f"{service.workload.data} is already the folder of the service `{first}`"
                 yield draft.wrong(part, (*path, "data"), message, "give each its own folder")
 
 
@@ -219,13 +219,13 @@ def choices_declared(draft: Draft) -> Iterator[Finding]:
     """What is chosen for a control centre is declared for the pilot, and the library stands on ROS 2."""
     if draft.pilot is None:
         return
-    declared = draft.pilot.gateways
+    gateways = draft.pilot.gateways
     for host, _, device in draft.boxes(ControlCentre):
         part = Part("device", host)
-        if device.ros2 and declared.ros2 is None:
+        if device.ros2 and gateways.ros2 is None:
             message = f"`{host}` is to have ROS 2, and the pilot declares none"
             yield draft.wrong(part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`")
-        if device.interop and declared.interop is None:
+        if device.interop and gateways.interop is None:
             message = f"`{host}` is to have the library, and the pilot declares none"
             yield draft.wrong(part, ("interop",), message, "write `gateways: {interop: …}`, or `interop: false`")
         elif device.interop and not device.ros2:

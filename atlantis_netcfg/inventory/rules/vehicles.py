@@ -13,7 +13,7 @@ from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, meant
+from atlantis_netcfg.inventory.findings import Finding, suggest
 from atlantis_netcfg.inventory.model import Column, Guest, Model, TelemetryData, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
@@ -38,13 +38,13 @@ def table3() -> Mapping[str, VehicleRow]:
 
 def names(draft: Draft) -> Iterator[Finding]:
     """No name, alias or key means two vehicles; spaces, hyphens and case do not tell robots apart."""
-    seen: dict[str, tuple[str, str]] = {}
+    owner_by_name: dict[str, tuple[str, str]] = {}
     for key, vehicle in draft.vehicles.items():
         part = Part("vehicle", key)
         local: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
         local += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
         for word, path in local:
-            owner, where = seen.setdefault(_plain(word), (key, draft.where(part, *path)))
+            owner, where = owner_by_name.setdefault(_plain(word), (key, draft.where(part, *path)))
             if owner != key:
                 message = f"`{word}` is already a name of `{owner}` ({where})"
                 yield draft.wrong(part, path, message, "a name means one vehicle: remove it here or there")
@@ -57,12 +57,12 @@ def _plain(word: str) -> str:
 def aliases(draft: Draft) -> Iterator[Finding]:
     """An alias stands once, and is another word than the name."""
     for key, vehicle in draft.vehicles.items():
-        known = [key, vehicle.name]
+        earlier_names = [key, vehicle.name]
         for index, alias in enumerate(vehicle.aliases):
-            if alias.casefold() in (word.casefold() for word in known):
+            if alias.casefold() in (word.casefold() for word in earlier_names):
                 message = f"`{alias}` is already a name of this vehicle"
                 yield draft.wrong(Part("vehicle", key), ("aliases", index), message, "remove it")
-            known.append(alias)
+            earlier_names.append(alias)
 
 
 def partners(draft: Draft) -> Iterator[Finding]:
@@ -70,10 +70,10 @@ def partners(draft: Draft) -> Iterator[Finding]:
     whole = draft.nodes.get(Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
-    known = draft.names("partner")
+    partner_names = draft.names("partner")
     for key, vehicle in draft.vehicles.items():
-        if vehicle.partner is not None and vehicle.partner not in known:
-            hint = meant(vehicle.partner, known, none="add it to `partners`, or write null")
+        if vehicle.partner is not None and vehicle.partner not in partner_names:
+            hint = suggest(vehicle.partner, partner_names, none="add it to `partners`, or write null")
             yield draft.wrong(Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint)
 
 
@@ -133,22 +133,22 @@ def guests(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("partner",), message, "add `partner:` with a key of `partners`")
         for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, Guest) else ()):
             if site not in draft.layout.sites:
-                hint = meant(site, draft.layout.sites, none="add it to hosts.yml")
+                hint = suggest(site, draft.layout.sites, none="add it to hosts.yml")
                 yield draft.wrong(part, ("tested_at", index), f"there is no site `{site}`", hint)
 
 
 def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
     if vehicle.kind is not row.kind:
         yield f"kind is {row.kind}"
-    if more := _listed(set(vehicle.table3) - row.table3):
+    if more := _join_columns(set(vehicle.table3) - row.table3):
         yield f"{more} not in the report"
-    if fewer := _listed(row.table3 - set(vehicle.table3)):
+    if fewer := _join_columns(row.table3 - set(vehicle.table3)):
         yield f"{fewer} missing"
 
 
-def _listed(some: Iterable[Column]) -> str:
-    desired = set(some)
-    return ", ".join(column for column in Column if column in desired)
+def _join_columns(some: Iterable[Column]) -> str:
+    column_set = set(some)
+    return ", ".join(column for column in Column if column in column_set)
 
 
 def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: Mapping[str, VehicleRow]) -> Iterator[Finding]:
@@ -167,9 +167,9 @@ def report_complete(draft: Draft) -> Iterator[Finding]:
     whole = Part("vehicles")
     if whole not in draft.nodes:
         return
-    declared = [str(draft.nodes[Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
+    vehicle_names = [str(draft.nodes[Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
     for name in table3():
-        if name not in declared and nearest(name, declared) is None:
+        if name not in vehicle_names and nearest(name, vehicle_names) is None:
             message = f"`{name}` of the report's Table 3 is not declared"
             yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
 
@@ -177,12 +177,12 @@ def report_complete(draft: Draft) -> Iterator[Finding]:
 def topics_once(draft: Draft) -> Iterator[Finding]:
     """A topic of a vehicle stands once: it would be counted twice."""
     for key, vehicle in draft.vehicles.items():
-        seen: set[str] = set()
+        seen_topics: set[str] = set()
         for index, item in enumerate(vehicle.telemetry):
-            if item.topic in seen:
+            if item.topic in seen_topics:
                 message = f"the topic `{item.topic}` of `{key}` stands twice"
                 yield draft.wrong(Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
-            seen.add(item.topic)
+            seen_topics.add(item.topic)
 
 
 def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:

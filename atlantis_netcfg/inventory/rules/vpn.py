@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.inventory._draft import Draft, Part, Rule
 from atlantis_netcfg.inventory._schema import DEVICES
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, meant
+from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import Device, LanBox, Router, Transport, VpnServer
 from atlantis_netcfg.inventory.rules.networks import claims, example_in, why_unusable
 
@@ -31,7 +31,7 @@ def server(draft: Draft) -> Iterator[Finding]:
     servers = [name for name in draft.layout.hosts if draft.kind_of(name) == "vpn_server"]
     kind = draft.kind_of(host)
     if host not in draft.layout.hosts:
-        message, hint = f"there is no host `{host}`", meant(host, servers, none="add a host of group vpn_servers")
+        message, hint = f"there is no host `{host}`", suggest(host, servers, none="add a host of group vpn_servers")
         yield draft.wrong(Part("pilot"), ("vpn", "server"), message, hint)
     elif kind not in {None, "vpn_server"}:
         hint = f"name a vpn_server: {choices(servers) or 'there is none'}"
@@ -54,18 +54,18 @@ def way_in(draft: Draft) -> Iterator[Finding]:
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
     vpn = draft.pilot.vpn
-    found = draft.router_of(draft.layout.hosts[vpn.server])
-    if found is None:
+    site_router = draft.router_of(draft.layout.hosts[vpn.server])
+    if site_router is None:
         return
-    host, router = found
-    desired = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
+    host, router = site_router
+    desired_forward = f"{{transport: {vpn.transport}, port: {vpn.port}, to: {vpn.server}}}"
     same = [entry for entry in router.forwards if (entry.transport, entry.port) == (vpn.transport, vpn.port)]
     if any(forward.to == vpn.server for forward in same):
         return
     unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
         message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired}")
+        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired_forward}")
 
 
 def shared_key_end(draft: Draft) -> Iterator[Finding]:
@@ -79,17 +79,20 @@ def shared_key_end(draft: Draft) -> Iterator[Finding]:
 def forwards(draft: Draft) -> Iterator[Finding]:
     """A forward leads to a host of the router's own LAN, and a port leads to one host."""
     for host, site, router in draft.boxes(Router):
-        part, seen = Part("device", host), dict[tuple[str, int], int]()
+        part, index_by_port = Part("device", host), dict[tuple[str, int], int]()
         here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
         for index, forward in enumerate(router.forwards):
             if forward.to not in draft.layout.hosts:
-                message, hint = f"there is no host `{forward.to}`", meant(forward.to, here, none="add it to hosts.yml")
+                message, hint = (
+                    f"there is no host `{forward.to}`",
+                    suggest(forward.to, here, none="add it to hosts.yml"),
+                )
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
             elif forward.to not in here and draft.kind_of(forward.to) is not None:
                 message = f"`{forward.to}` is not in the LAN of `{site}`"
                 hint = f"hosts of that LAN: {choices(here) or 'none'}"
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
-            first = seen.setdefault((forward.transport, forward.port), index)
+            first = index_by_port.setdefault((forward.transport, forward.port), index)
             if first != index:
                 line = draft.mark(part, "forwards", first, "port").line
                 message = f"{forward.transport} port {forward.port} is forwarded twice, first in line {line}"
@@ -127,11 +130,11 @@ def tunnel_addresses(draft: Draft) -> Iterator[Finding]:
 
 def users(draft: Draft) -> Iterator[Finding]:
     """Every router has a VPN user and a certificate of its own, so that one can be revoked."""
-    seen: dict[str, str] = {}
+    host_by_user: dict[str, str] = {}
     for host, _, router in draft.boxes(Router):
         if router.vpn_client is None:
             continue
-        first = seen.setdefault(router.vpn_client.user, host)
+        first = host_by_user.setdefault(router.vpn_client.user, host)
         if first != host:
             where = draft.where(Part("device", first), "vpn_client", "user")
             message = f"`{router.vpn_client.user}` is already the VPN user of `{first}` ({where})"
@@ -161,7 +164,7 @@ RULES: tuple[Rule, ...] = (
     password_length,
 )
 
-_TAKEN = {
+_RESERVED_USERS = {
     "default": "OpenVPN's word for a client that has no file of its own",
     "members": "what the server's firewall calls everybody",
     "server": "the server itself",
@@ -172,20 +175,20 @@ _PILOT = Part("pilot")
 def names(draft: Draft) -> Iterator[Finding]:
     """A partner's key begins the names of its devices, and is the name of its set in the firewall."""
     for name in draft.partners:
-        if name in _TAKEN:
-            message = f"a partner cannot be called `{name}`: in the VPN that is {_TAKEN[name]}"
+        if name in _RESERVED_USERS:
+            message = f"a partner cannot be called `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
             part = Part("partner", name)
             yield draft.wrong(part, (), message, "choose another key; `full_name` is free")
 
 
 def sees(draft: Draft) -> Iterator[Finding]:
     """What a partner sees is a vehicle of the pilot, once each."""
-    known = draft.names("vehicle")
+    vehicle_names = draft.names("vehicle")
     for name, partner in draft.partners.items():
         part = Part("partner", name)
         for index, vehicle in enumerate(partner.sees):
-            if vehicle not in known:
-                hint = meant(vehicle, known, none="add it to `vehicles`")
+            if vehicle not in vehicle_names:
+                hint = suggest(vehicle, vehicle_names, none="add it to `vehicles`")
                 yield draft.wrong(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
             elif vehicle in partner.sees[:index]:
                 yield draft.wrong(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
@@ -212,7 +215,7 @@ def services(draft: Draft) -> Iterator[Finding]:
         path = ("vpn", "services", index, "host")
         device = draft.devices.get(service.host)
         if service.host not in draft.layout.hosts:
-            hint = meant(service.host, inside, none="add it to hosts.yml")
+            hint = suggest(service.host, inside, none="add it to hosts.yml")
             yield draft.wrong(_PILOT, path, f"there is no host `{service.host}`", hint)
         elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
             message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
@@ -223,7 +226,7 @@ def services_once(draft: Draft) -> Iterator[Finding]:
     """A port of a host is one service, and a name too."""
     if draft.pilot is None:
         return
-    ports, called = dict[tuple[str, str, int], int](), dict[str, int]()
+    ports, index_by_name = dict[tuple[str, str, int], int](), dict[str, int]()
     for index, service in enumerate(draft.pilot.vpn.services):
         path = ("vpn", "services", index)
         first = ports.setdefault((service.host, service.transport, service.port), index)
@@ -233,7 +236,7 @@ def services_once(draft: Draft) -> Iterator[Finding]:
                 f"{service.transport} port {service.port} of `{service.host}` is already a service, in line {line}"
             )
             yield draft.wrong(_PILOT, (*path, "port"), message, "remove one")
-        elif (first := called.setdefault(service.name.casefold(), index)) != index:
+        elif (first := index_by_name.setdefault(service.name.casefold(), index)) != index:
             line = draft.mark(_PILOT, "vpn", "services", first, "name").line
             message = f"`{service.name}` is already the name of a service, in line {line}"
             yield draft.wrong(_PILOT, (*path, "name"), message, "give each its own name")

@@ -19,7 +19,7 @@ _WIFI = ("endpoints", "wifi")
 _WIDTH_MHZ = 20
 
 
-def _joined(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
+def _vehicle_networks(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
     """Vehicles with a key: a radio of the gateway joins their access points."""
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
@@ -29,7 +29,7 @@ def _joined(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
 
 def joined_at_all(draft: Draft) -> Iterator[Finding]:
     """A gateway joins the access point of a vehicle, by its name; nothing else is configured with a key."""
-    for name, wifi, key in _joined(draft):
+    for name, wifi, key in _vehicle_networks(draft):
         part = Part("vehicle", name)
         if wifi.role is not WifiRole.ACCESS_POINT:
             message = f"`{name}` is a station: the key of the site's network is declared at its access point"
@@ -59,7 +59,7 @@ def not_of_a_location(draft: Draft) -> Iterator[Finding]:
 def told_apart(draft: Draft) -> Iterator[Finding]:
     """One radio tells the access points that it may join apart by their names."""
     first: dict[tuple[str, str], str] = {}
-    for name, wifi, _ in _joined(draft):
+    for name, wifi, _ in _vehicle_networks(draft):
         if wifi.ssid is None or wifi.role is not WifiRole.ACCESS_POINT:
             continue
         other = first.setdefault((wifi.interface, wifi.ssid), name)
@@ -95,9 +95,9 @@ def addresses(draft: Draft) -> Iterator[Finding]:
 def radios(draft: Draft) -> Iterator[Finding]:
     """The radio that joins vehicles is not the interface of the gateway's LAN."""
     for host, site, gateway in draft.boxes(Gateway):
-        tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
-        for name, wifi, _ in _joined(draft):
-            if wifi.interface in _lan(gateway) and (tested is None or name in tested):
+        tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
+        for name, wifi, _ in _vehicle_networks(draft):
+            if wifi.interface in _lan(gateway) and (tested_vehicles is None or name in tested_vehicles):
                 message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
                 hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
                 yield draft.wrong(Part("vehicle", name), (*_WIFI, "interface"), message, hint)
@@ -108,7 +108,7 @@ def _lan(gateway: Gateway) -> set[str | None]:
     return {block.interface for block in blocks if block is not None and block.interface is not None}
 
 
-def opened(draft: Draft) -> Iterator[Finding]:
+def check_access_point(draft: Draft) -> Iterator[Finding]:
     """What hostapd 2.9, of Ubuntu 20.04, can do with one radio, at an address that the gateway can have."""
     for host, _, gateway in draft.boxes(Gateway):
         radio, part = gateway.access_point, Part("device", host)
@@ -136,8 +136,12 @@ def one_use(draft: Draft) -> Iterator[Finding]:
         if gateway.access_point is None:
             continue
         name, path = gateway.access_point.interface, ("access_point", "interface")
-        tested = draft.sites[site].checklist.vehicles if site in draft.sites else None
-        joins = [key for key, wifi, _ in _joined(draft) if wifi.interface == name and (tested is None or key in tested)]
+        tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
+        joins = [
+            key
+            for key, wifi, _ in _vehicle_networks(draft)
+            if wifi.interface == name and (tested_vehicles is None or key in tested_vehicles)
+        ]
         if name in _lan(gateway):
             message = f"`{name}` is the interface of the LAN, and no radio"
             yield draft.wrong(Part("device", host), path, message, "write the name of a radio, like wlan3")
@@ -146,4 +150,4 @@ def one_use(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(Part("device", host), path, message, "name another radio, here or at the vehicle")
 
 
-RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios, opened, one_use)
+RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios, check_access_point, one_use)

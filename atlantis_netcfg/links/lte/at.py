@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Self
 
 import serial
 
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _STATES = {
     10: Registration.REGISTERED_ROAMING,
 }
 """`<stat>`, 7.2, 10.1.20 and 10.1.22. 0, "not searching either", and 8, "emergency only", have no word of their own."""
-_REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
+_REGISTERED_STATES = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 _CME = {
     10: Registration.SIM_MISSING,
     11: Registration.SIM_PIN_REQUIRED,
@@ -66,15 +66,15 @@ _TECHNOLOGIES |= {10: "lte", 11: "5g", 12: "5g", 13: "lte"}
 
 def reading_of(answers: Mapping[str, AtAnswer]) -> LteReading:
     """Put the answers to the reads into one record; a read that the modem does not know leaves its figures None."""
-    card, refused, card_words = _card(answers)
+    card, is_pin_refused, card_words = _card(answers)
     network, network_words = _network(answers)
     off = _first(answers, "AT+CFUN?")
     switched_off = bool(off) and off[0] in ("0", "4")
     state = card or (Registration.DISABLED if switched_off else network)
     operator, plmn, technology = _operator(answers)
     extra_plmn, band = _vendor(answers)
-    registered = state in _REGISTERED
-    rsrp, rsrq = _extended(answers)
+    is_registered = state in _REGISTERED_STATES
+    rsrp, rsrq = _signal_quality(answers)
     return LteReading(
         source="at",
         state=state,
@@ -85,11 +85,11 @@ def reading_of(answers: Mapping[str, AtAnswer]) -> LteReading:
         rsrp_dbm=rsrp,
         rsrq_db=rsrq,
         rssi_dbm=_strength(answers),
-        roaming=state is Registration.REGISTERED_ROAMING if registered else None,
+        roaming=state is Registration.REGISTERED_ROAMING if is_registered else None,
         address=_address(answers),
         apn=_apn(answers),
-        pin_refused=refused,
-        last_error=None if registered else (card_words or network_words),
+        pin_refused=is_pin_refused,
+        last_error=None if is_registered else (card_words or network_words),
     )
 
 
@@ -118,8 +118,8 @@ def _card(answers: Mapping[str, AtAnswer]) -> tuple[Registration | None, bool | 
         return None, None, None
     if not answer.ok:
         code = _cme(answer.final)
-        refused = True if code in (12, 16) else None
-        return _CME.get(code or 0), refused, answer.final
+        is_pin_refused = True if code in (12, 16) else None
+        return _CME.get(code or 0), is_pin_refused, answer.final
     words = next(iter(_first(answers, "AT+CPIN?")), "").upper()
     if words == "SIM PIN":
         return Registration.SIM_PIN_REQUIRED, None, words
@@ -140,11 +140,11 @@ def _cme(final: str) -> int | None:
 
 def _network(answers: Mapping[str, AtAnswer]) -> tuple[Registration, str | None]:
     """Data first: EPS, then packet; the circuit-switched state only where neither is known to the modem."""
-    data = [found for command in ("AT+CEREG?", "AT+CGREG?") if (found := _stat(answers, command)) is not None]
-    stats = data or [found for found in (_stat(answers, "AT+CREG?"),) if found is not None]
+    data = [status for command in ("AT+CEREG?", "AT+CGREG?") if (status := _stat(answers, command)) is not None]
+    stats = data or [status for status in (_stat(answers, "AT+CREG?"),) if status is not None]
     states = [_STATES.get(stat, Registration.UNKNOWN) for stat in stats]
-    ranked = (*_REGISTERED, Registration.DENIED, Registration.SEARCHING)
-    state = next((each for each in ranked if each in states), Registration.UNKNOWN)
+    ranking = (*_REGISTERED_STATES, Registration.DENIED, Registration.SEARCHING)
+    state = next((each for each in ranking if each in states), Registration.UNKNOWN)
     idle = state is Registration.SEARCHING and set(stats) <= {0}
     return state, "not registered, and not searching" if idle else None
 
@@ -173,7 +173,7 @@ def _strength(answers: Mapping[str, AtAnswer]) -> float | None:
     return -113.0 + 2 * value if value is not None and 0 <= value <= 31 else None  # noqa: PLR2004 - 8.5
 
 
-def _extended(answers: Mapping[str, AtAnswer]) -> tuple[float | None, float | None]:
+def _signal_quality(answers: Mapping[str, AtAnswer]) -> tuple[float | None, float | None]:
     """RSRP in dBm and RSRQ in dB."""
     row = _first(answers, "AT+CESQ")
     if len(row) < 6:  # noqa: PLR2004 - rxlev, ber, rscp, ecno, rsrq, rsrp
@@ -195,9 +195,9 @@ def _apn(answers: Mapping[str, AtAnswer]) -> str | None:
     for row in _rows(answers, "AT+CGCONTRDP"):
         if len(row) > 2 and row[0] == (active or row[0]) and row[2]:  # noqa: PLR2004 - cid, bearer, apn
             return re.sub(r"\.mnc\d+\.mcc\d+\.gprs$", "", row[2], flags=re.IGNORECASE)
-    defined = [row for row in _rows(answers, "AT+CGDCONT?") if len(row) > 2]  # noqa: PLR2004 - cid, type, apn
-    chosen = [row for row in defined if row[0] == active] if active is not None else defined[:1]
-    return next((row[2] for row in chosen if row[2]), None)
+    contexts = [row for row in _rows(answers, "AT+CGDCONT?") if len(row) > 2]  # noqa: PLR2004 - cid, type, apn
+    candidates = [row for row in contexts if row[0] == active] if active is not None else contexts[:1]
+    return next((row[2] for row in candidates if row[2]), None)
 
 
 def _address(answers: Mapping[str, AtAnswer]) -> str | None:
@@ -242,7 +242,7 @@ READS: tuple[str, ...] = (
 VENDOR_READS: dict[str, tuple[str, ...]] = {"quectel": ("AT+QNWINFO",)}
 """Sent afterwards if the manufacturer's name holds the word."""
 
-ALLOWED: frozenset[str] = frozenset(
+ALLOW_LIST: frozenset[str] = frozenset(
     {
         *READS,
         *(command for commands in VENDOR_READS.values() for command in commands),
@@ -261,9 +261,9 @@ class CommandForbidden(NetcfgError):
     """Our own code was about to send something that is no read: a fault of ours, and nothing was sent."""
 
 
-def checked(command: str) -> str:
+def require_allowed(command: str) -> str:
     """Give the command back if it is allowed. Raises CommandForbidden."""
-    if command not in ALLOWED:
+    if command not in ALLOW_LIST:
         word = command.partition("=")[0]
         raise CommandForbidden(f"`{word}` is not on the allow-list of modem commands: it was not sent")
     return command
@@ -275,7 +275,7 @@ _UNIX98 = range(136, 144)
 _LOCKS = (Path("/var/lock"), Path("/run/lock"))
 
 
-class PortOwned(DeviceFailed):
+class PortBusy(DeviceError):
     """Another program has the port; nothing was sent to it."""
 
 
@@ -286,12 +286,12 @@ def require_free(port: str, *, proc: Path = Path("/proc"), locks: tuple[Path, ..
     tried when the port is opened, are all that is left. A pseudo-terminal is no modem to ModemManager.
     """
     if not port.startswith(_PTY) and (pid := _manager(proc)) is not None:
-        raise PortOwned(
+        raise PortBusy(
             f"{port}: ModemManager runs on this computer (process {pid}) and owns its modems",
             hint="write `driver: modemmanager` (and no `serial`), or stop ModemManager while the port is read",
         )
-    if (holder := _holder(port, proc) or _locked(port, proc, locks)) is not None:
-        raise PortOwned(
+    if (holder := _holder(port, proc) or _lock_holder(port, proc, locks)) is not None:
+        raise PortBusy(
             f"{port}: another program has this port ({holder}), and is not disturbed",
             hint="end that program, or read the modem in the way that it offers",
         )
@@ -314,8 +314,8 @@ def _holder(port: str, proc: Path) -> str | None:
 
 def _identity(path: Path) -> tuple[int, int]:
     """The device behind a path; each container numbers its pseudo-terminals anew, in a file system of its own."""
-    found = path.stat()
-    return found.st_rdev, found.st_dev if os.major(found.st_rdev) in _UNIX98 else 0
+    file_status = path.stat()
+    return file_status.st_rdev, file_status.st_dev if os.major(file_status.st_rdev) in _UNIX98 else 0
 
 
 def _has_open(files: Path, device: tuple[int, int]) -> bool:
@@ -333,7 +333,7 @@ def _has_open(files: Path, device: tuple[int, int]) -> bool:
     return False
 
 
-def _locked(port: str, proc: Path, locks: tuple[Path, ...]) -> str | None:
+def _lock_holder(port: str, proc: Path, locks: tuple[Path, ...]) -> str | None:
     """A lock file of the old kind, which holds the number of a process that lives (pppd, minicom)."""
     for folder in locks:
         path = folder / f"LCK..{Path(port).name}"
@@ -367,11 +367,11 @@ _MOST = 262_144
 """Characters in answer to one command; the longest, a list of networks, has some thousand."""
 
 
-class AtUnreachable(DeviceFailed):
+class AtUnreachable(DeviceError):
     """The port cannot be opened; nothing was sent."""
 
 
-class AtSilent(DeviceFailed):
+class AtSilent(DeviceError):
     """The modem does not answer, or the port has gone; only reads were sent."""
 
 
@@ -405,7 +405,7 @@ class AtModem:
             fcntl.ioctl(self._port.fileno(), termios.TIOCEXCL)
         except (serial.SerialException, OSError, ValueError) as error:
             if getattr(error, "errno", None) in _BUSY:
-                raise PortOwned(
+                raise PortBusy(
                     f"{self._path}: another program has this port, and is not disturbed", hint="end that program"
                 ) from error
             raise AtUnreachable(
@@ -424,7 +424,7 @@ class AtModem:
 
     def ask(self, command: str) -> AtAnswer:
         """Send one allowed command. Raises CommandForbidden (nothing sent), AtSilent."""
-        data = checked(command).encode("ascii") + b"\r"
+        data = require_allowed(command).encode("ascii") + b"\r"
         port = self._port
         assert port is not None  # noqa: S101 - entered
         try:

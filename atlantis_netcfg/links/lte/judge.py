@@ -62,7 +62,7 @@ class LteReading:
     sim_slot: int | None = None
     address: str | None = None
     """IP address that the network has given; None: none, or not readable."""
-    connected: bool | None = None
+    is_connected: bool | None = None
     """Whether the unit says that its data connection is up; None: not said."""
     apn: str | None = None
     """In use, read back: a declared one may be ignored."""
@@ -107,7 +107,7 @@ WEAK_SINR_DB = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LteExpected:
+class LteSubscription:
     """What the declaration says of the SIM and its subscription."""
 
     apn: str | None = None
@@ -120,20 +120,20 @@ class LteExpected:
     """LTE bands that the unit is held to; none: all that it has."""
 
 
-_REGISTERED = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
+_REGISTERED_STATES = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
 
 
-def judge(reading: LteReading, expected: LteExpected) -> tuple[BearerFinding, ...]:
+def judge(reading: LteReading, subscription: LteSubscription) -> tuple[BearerFinding, ...]:
     """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
-    if reading.state in _REGISTERED:
-        return tuple(_registered(reading, expected))
-    return (_not_registered(reading, expected),)
+    if reading.state in _REGISTERED_STATES:
+        return tuple(_judge_registered(reading, subscription))
+    return (_not_registered(reading, subscription),)
 
 
 def link_state(reading: LteReading) -> LinkState:
     """What the unit itself says of its link; no probe has been sent."""
-    if reading.state in _REGISTERED:
-        return LinkState.UP if reading.address is not None or reading.connected else LinkState.UNKNOWN
+    if reading.state in _REGISTERED_STATES:
+        return LinkState.UP if reading.address is not None or reading.is_connected else LinkState.UNKNOWN
     if reading.state is Registration.SEARCHING:
         return LinkState.SEARCHING
     return LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else LinkState.DOWN
@@ -157,25 +157,27 @@ def quality(reading: LteReading) -> Quality:
     }
 
 
-def _not_registered(reading: LteReading, expected: LteExpected) -> BearerFinding:
+def _not_registered(reading: LteReading, subscription: LteSubscription) -> BearerFinding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
-        return _pin(reading, expected)
+        return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
         message = f"{message} (the device says: {reading.last_error})"
     return BearerFinding(verdict, code, message, hint)
 
 
-def _pin(reading: LteReading, expected: LteExpected) -> BearerFinding:
-    left = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
+def _pin(reading: LteReading, subscription: LteSubscription) -> BearerFinding:
+    tries_text = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
-        message = f"the SIM has refused the PIN, and it is not tried again{left}"
+        message = f"the SIM has refused the PIN, and it is not tried again{tries_text}"
         hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
         return BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
-    if not expected.pin_declared:
+    if not subscription.pin_declared:
         hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
-        return BearerFinding(Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{left}", hint)
-    message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{left}"
+        return BearerFinding(
+            Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{tries_text}", hint
+        )
+    message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{tries_text}"
     hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
     return BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
 
@@ -220,11 +222,11 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
 }
 
 
-def _registered(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
-    yield from _roaming(reading, expected)
-    yield from _apn(reading, expected)
-    yield from _address(reading, expected)
-    yield from _bands(reading, expected)
+def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+    yield from _roaming(reading, subscription)
+    yield from _apn(reading, subscription)
+    yield from _address(reading, subscription)
+    yield from _bands(reading, subscription)
     yield from _levels(reading)
 
 
@@ -232,11 +234,11 @@ def _foreign(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
-def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
+def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
     if not _foreign(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
-    if expected.roaming:
+    if subscription.roaming:
         message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
         yield BearerFinding(
             Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
@@ -247,10 +249,10 @@ def _roaming(reading: LteReading, expected: LteExpected) -> Iterator[BearerFindi
         yield BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
-def _apn(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
-    if expected.apn is None:
+def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+    if subscription.apn is None:
         hint = "declare `sim.apn` as the SIM's contract says"
-        if expected.apn_required:
+        if subscription.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
             yield BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _foreign(reading):
@@ -258,11 +260,11 @@ def _apn(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
                 Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
             )
     elif reading.network_apn and reading.apn is None:
-        message = f"the unit takes the network's APN, so the declared one, {expected.apn}, may not be in use"
+        message = f"the unit takes the network's APN, so the declared one, {subscription.apn}, may not be in use"
         hint = "run the site, which switches `use-network-apn` off"
         yield BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
-    elif reading.apn is not None and _bare(reading.apn) != _bare(expected.apn):
-        message = f"the APN in use is {reading.apn}, the declared one is {expected.apn}"
+    elif reading.apn is not None and _bare(reading.apn) != _bare(subscription.apn):
+        message = f"the APN in use is {reading.apn}, the declared one is {subscription.apn}"
         hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
         yield BearerFinding(Verdict.WARN, "apn-differs", message, hint)
 
@@ -272,18 +274,23 @@ def _bare(apn: str) -> str:
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
-def _address(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
-    if reading.address is not None or reading.connected or (_foreign(reading) and not expected.roaming):
+def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+    if reading.address is not None or reading.is_connected or (_foreign(reading) and not subscription.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
     yield BearerFinding(Verdict.FAIL, "no-address", message, hint)
 
 
-def _bands(reading: LteReading, expected: LteExpected) -> Iterator[BearerFinding]:
-    allowed = [f"B{number}" for number in expected.bands]
-    if allowed and reading.band is not None and reading.band.startswith("B") and reading.band not in allowed:
-        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed)}"
+def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+    allowed_bands = [f"B{number}" for number in subscription.bands]
+    if (
+        allowed_bands
+        and reading.band is not None
+        and reading.band.startswith("B")
+        and reading.band not in allowed_bands
+    ):
+        message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed_bands)}"
         yield BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from jeepney import DBusAddress, HeaderFields, MessageFlag, MessageType, new_method_call
 from jeepney.io.blocking import DBusConnection, open_dbus_connection
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 from atlantis_netcfg.links.status import BearerFinding
@@ -29,7 +29,7 @@ Objects = dict[str, dict[str, dict[str, Any]]]
 """Properties by object path and interface."""
 
 
-class MmUnreachable(DeviceFailed):
+class MmUnreachable(DeviceError):
     """No bus, no ModemManager on it, or no answer; nothing was changed."""
 
 
@@ -60,16 +60,16 @@ class Bus:
 
     def objects(self) -> Objects:
         """Every modem with all its properties. Raises MmUnreachable."""
-        found = self._call(ROOT, "org.freedesktop.DBus.ObjectManager", "GetManagedObjects")
+        reply = self._call(ROOT, "org.freedesktop.DBus.ObjectManager", "GetManagedObjects")
         return {
             str(path): {str(name): {key: plain(value) for key, value in of.items()} for name, of in interfaces.items()}
-            for path, interfaces in found.items()
+            for path, interfaces in reply.items()
         }
 
     def properties(self, path: str, interface: str) -> dict[str, Any]:
         """All properties of one interface of an object. Raises MmUnreachable."""
-        found = self._call(path, "org.freedesktop.DBus.Properties", "GetAll", "s", (interface,))
-        return {name: plain(value) for name, value in found.items()}
+        reply = self._call(path, "org.freedesktop.DBus.Properties", "GetAll", "s", (interface,))
+        return {name: plain(value) for name, value in reply.items()}
 
     def _call(self, path: str, interface: str, method: str, signature: str = "", body: tuple[str, ...] = ()) -> Any:  # noqa: ANN401 - D-Bus of any shape
         connection = self._connection
@@ -120,7 +120,7 @@ def _signature(text: str) -> bool:
 MODEM = "org.freedesktop.ModemManager1.Modem"
 MODEM_3GPP = f"{MODEM}.Modem3gpp"
 SIGNAL = f"{MODEM}.Signal"
-_FAILED, _LOCKED, _DISABLED, _ENABLED, _SEARCHING, _REGISTERED = -1, 2, 3, 6, 7, 8
+_STATE_FAILED, _STATE_LOCKED, _STATE_DISABLED, _STATE_ENABLED, _SEARCHING, _STATE_REGISTERED = -1, 2, 3, 6, 7, 8
 """MMModemState: from `registered` on it is in a network; between disabled and enabled it is on its way."""
 _SIM_REASONS = {2: "sim-missing", 3: "sim-error"}
 """MMModemStateFailedReason."""
@@ -161,9 +161,9 @@ def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Ma
     state, error = _state(modem, network)
     signal = _signal(interfaces.get(SIGNAL, {}))
     bearer = next((each for each in bearers if each.get("Connected") is True), {})
-    registered = state in _IN_NETWORK
+    is_registered = state in _IN_NETWORK
     retries = modem.get("UnlockRetries")
-    left = retries.get(_PIN_LOCK) if isinstance(retries, dict) else None
+    tries_left = retries.get(_PIN_LOCK) if isinstance(retries, dict) else None
     return LteReading(
         source="modemmanager",
         state=state,
@@ -174,12 +174,12 @@ def reading_of(interfaces: Mapping[str, Mapping[str, Any]], bearers: Sequence[Ma
         rsrq_db=signal.get("rsrq"),
         sinr_db=signal.get("snr"),
         rssi_dbm=signal.get("rssi"),
-        roaming=_roaming(network) if registered else None,
+        roaming=_roaming(network) if is_registered else None,
         sim_slot=_slot(modem.get("PrimarySimSlot")),
         address=_text(_part(bearer, "Ip4Config").get("address")),
         apn=_text(_part(bearer, "Properties").get("apn")),
         pin_refused=True if state is Registration.SIM_PUK_REQUIRED else None,
-        pin_tries_left=left if isinstance(left, int) else None,
+        pin_tries_left=tries_left if isinstance(tries_left, int) else None,
         last_error=error,
     )
 
@@ -198,37 +198,37 @@ def _state(modem: Mapping[str, Any], network: Mapping[str, Any]) -> tuple[Regist
     state = modem.get("State")
     if not isinstance(state, int):
         return Registration.UNKNOWN, None
-    if state == _FAILED:
+    if state == _STATE_FAILED:
         reason = _SIM_REASONS.get(modem.get("StateFailedReason", 0))
         return (Registration.UNKNOWN, "failed") if reason is None else (Registration.SIM_MISSING, reason)
-    if state == _LOCKED:
+    if state == _STATE_LOCKED:
         return _LOCKS.get(modem.get("UnlockRequired", 0), Registration.UNKNOWN), "locked"
-    if _DISABLED <= state < _ENABLED:
+    if _STATE_DISABLED <= state < _STATE_ENABLED:
         return Registration.DISABLED, "disabled"
     return _network(state, network.get("RegistrationState"))
 
 
-def _network(state: int, reported: object) -> tuple[Registration, str | None]:
-    if isinstance(reported, int):
-        return _STATES.get(reported, Registration.UNKNOWN), "idle" if reported == 0 else None
-    if state >= _REGISTERED:
+def _network(state: int, registration: object) -> tuple[Registration, str | None]:
+    if isinstance(registration, int):
+        return _STATES.get(registration, Registration.UNKNOWN), "idle" if registration == 0 else None
+    if state >= _STATE_REGISTERED:
         return Registration.REGISTERED_HOME, None
     return Registration.SEARCHING if state == _SEARCHING else Registration.UNKNOWN, None
 
 
 def _roaming(network: Mapping[str, Any]) -> bool | None:
-    reported = network.get("RegistrationState")
-    return _STATES.get(reported) is Registration.REGISTERED_ROAMING if isinstance(reported, int) else None
+    registration = network.get("RegistrationState")
+    return _STATES.get(registration) is Registration.REGISTERED_ROAMING if isinstance(registration, int) else None
 
 
 def _signal(signal: Mapping[str, Any]) -> dict[str, float]:
     """The figures of the technology in use: LTE, else 5G."""
     for name in ("Lte", "Nr5g"):
-        found = signal.get(name)
-        if isinstance(found, dict):
-            kept = {key: float(value) for key, value in found.items() if _is_figure(value)}
-            if kept:
-                return kept
+        values = signal.get(name)
+        if isinstance(values, dict):
+            figures = {key: float(value) for key, value in values.items() if _is_figure(value)}
+            if figures:
+                return figures
     return {}
 
 
@@ -251,8 +251,8 @@ def _slot(value: object) -> int | None:
 
 
 def _part(properties: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    found = properties.get(name)
-    return found if isinstance(found, dict) else {}
+    part = properties.get(name)
+    return part if isinstance(part, dict) else {}
 
 
 _BEARER = "org.freedesktop.ModemManager1.Bearer"
@@ -278,7 +278,7 @@ class MmLook:
 def read(address: str | None = None, *, timeout_s: float = TIMEOUT_S) -> MmLook:
     """Look at the only modem of this computer. `address`: of the bus; None: the system's. Raises MmUnreachable."""
     with Bus(address, timeout_s=timeout_s) as bus:
-        modems = {path: found for path, found in bus.objects().items() if MODEM in found}
+        modems = {path: properties for path, properties in bus.objects().items() if MODEM in properties}
         if len(modems) != 1:
             problem = "no modem" if not modems else f"{len(modems)} modems, and the declaration does not tell which"
             raise MmUnreachable(

@@ -57,8 +57,8 @@ def modem_name(interfaces: Rows | None, modem: str = "lte1") -> str:
 
 
 def _modem(interfaces: Rows | None, modem: str) -> Row:
-    found = (row for field in ("default-name", "name") for row in interfaces or () if row.get(field) == modem)
-    return next(found, {})
+    matches = (row for field in ("default-name", "name") for row in interfaces or () if row.get(field) == modem)
+    return next(matches, {})
 
 
 def log_query() -> Query:
@@ -66,7 +66,7 @@ def log_query() -> Query:
     return Query("/log", "print", proplist=("topics", "message"))
 
 
-def redacted(row: Row) -> dict[str, str]:
+def redact(row: Row) -> dict[str, str]:
     """A monitor's row without what names the SIM or the device."""
     return {name: value for name, value in row.items() if name not in IDENTITIES}
 
@@ -83,45 +83,45 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
 
     `interface` is the modem's default name; its address and its lines in the log go by the name of now.
     """
-    monitored = {name: value for name, value in redacted(monitor or {}).items() if _meaningful(value)}
+    monitor_row = {name: value for name, value in redact(monitor or {}).items() if _meaningful(value)}
     its_row = _modem(interfaces, interface)
     name = its_row.get("name", interface)
     error, from_log = _from_log(log or (), name)
-    state = _state(monitored, its_row)
+    state = _state(monitor_row, its_row)
     if state is Registration.UNKNOWN and from_log is not None:
         state = from_log
     profile = _profile(its_row, profiles or ())
-    operator = _meaningful(monitored.get("current-operator"))
+    operator = _meaningful(monitor_row.get("current-operator"))
     return LteReading(
         source="routeros",
         state=state,
-        access_tech=_technology(monitored),
+        access_tech=_technology(monitor_row),
         operator=None if operator is not None and operator.isdecimal() else operator,
         plmn=operator if operator is not None and operator.isdecimal() else None,
-        band=_band(monitored),
-        cell=_meaningful(monitored.get("current-cellid")),
-        rsrp_dbm=_level(monitored, "rsrp", _RSRP_DBM, "dBm"),
-        rsrq_db=_level(monitored, "rsrq", _RSRQ_DB, "dB"),
-        sinr_db=_level(monitored, "sinr", _SINR_DB, "dB"),
-        rssi_dbm=decibels(monitored.get("rssi"), *_RSSI_DBM),
-        roaming=_roaming(monitored),
+        band=_band(monitor_row),
+        cell=_meaningful(monitor_row.get("current-cellid")),
+        rsrp_dbm=_level(monitor_row, "rsrp", _RSRP_DBM, "dBm"),
+        rsrq_db=_level(monitor_row, "rsrq", _RSRQ_DB, "dB"),
+        sinr_db=_level(monitor_row, "sinr", _SINR_DB, "dB"),
+        rssi_dbm=decibels(monitor_row.get("rssi"), *_RSSI_DBM),
+        roaming=_roaming(monitor_row),
         address=_address(addresses or (), name),
         apn=_apn_in_use(profile),
         network_apn=yes(profile.get("use-network-apn")),
-        pin_refused=True if _REFUSED.search(monitored.get("pin-status", "").lower()) else None,
+        pin_refused=True if _WRONG_PIN.search(monitor_row.get("pin-status", "").lower()) else None,
         last_error=error,
     )
 
 
 def _meaningful(text: str | None) -> str | None:
-    stripped = (text or "").strip()
-    return None if stripped.lower() in {"", "n/a", "unknown", "none"} else stripped
+    word = (text or "").strip()
+    return None if word.lower() in {"", "n/a", "unknown", "none"} else word
 
 
 _PUK = re.compile(r"\bpuk2?\b")
 _NO_SIM = re.compile(r"\bno sim\b|not inserted|not present|\bsim (?:card )?(?:missing|absent|failure)")
 _PIN_FREE = re.compile(r"\bno password\b|\bnot required\b|\bok\b|\bready\b|\bdisabled\b|\bunlocked\b")
-_REFUSED = re.compile(r"\bwrong\b|\bincorrect\b|\binvalid\b|\brejected\b")
+_WRONG_PIN = re.compile(r"\bwrong\b|\bincorrect\b|\binvalid\b|\brejected\b")
 _PIN = re.compile(r"\bpin\b|\bpassword\b|\blocked\b")
 _RADIO_OFF = re.compile(r"\bminimum\b|\bminimal\b|\bflight|\bairplane\b|\bradio off\b|\bdisabled?\b|\boffline\b")
 _REGISTRATIONS = (
@@ -133,18 +133,18 @@ _REGISTRATIONS = (
 """Negatives first: `not registered` has `registered` in it, and `denied` may stand beside either."""
 
 
-def _state(monitored: Row, its_row: Row) -> Registration:
+def _state(monitor_row: Row, its_row: Row) -> Registration:
     if yes(its_row.get("disabled")):
         return Registration.DISABLED
-    words = [monitored.get(name, "").lower() for name in ("registration-status", "status")]
-    card = _card(monitored.get("pin-status", "").lower(), words)
+    words = [monitor_row.get(name, "").lower() for name in ("registration-status", "status")]
+    card = _card(monitor_row.get("pin-status", "").lower(), words)
     if card is not None:
         return card
-    if _RADIO_OFF.search(monitored.get("functionality", "").lower()):
+    if _RADIO_OFF.search(monitor_row.get("functionality", "").lower()):
         return Registration.DISABLED
-    found = next((state for word in words if (state := _registration(word)) is not None), Registration.UNKNOWN)
-    roams = found is Registration.REGISTERED_HOME and yes(monitored.get("roaming"))
-    return Registration.REGISTERED_ROAMING if roams else found
+    registration = next((state for word in words if (state := _registration(word)) is not None), Registration.UNKNOWN)
+    roams = registration is Registration.REGISTERED_HOME and yes(monitor_row.get("roaming"))
+    return Registration.REGISTERED_ROAMING if roams else registration
 
 
 def _card(pin: str, others: list[str]) -> Registration | None:
@@ -153,8 +153,8 @@ def _card(pin: str, others: list[str]) -> Registration | None:
         return Registration.SIM_MISSING
     if _PUK.search(pin):
         return Registration.SIM_PUK_REQUIRED
-    refused = _REFUSED.search(pin)
-    if refused or (_PIN.search(pin) and not _PIN_FREE.search(pin)):
+    is_wrong_pin = _WRONG_PIN.search(pin)
+    if is_wrong_pin or (_PIN.search(pin) and not _PIN_FREE.search(pin)):
         return Registration.SIM_PIN_REQUIRED
     return None
 
@@ -163,32 +163,32 @@ def _registration(word: str) -> Registration | None:
     return next((state for pattern, state in _REGISTRATIONS if pattern.search(word)), None)
 
 
-def _roaming(monitored: Row) -> bool | None:
-    roams = yes(monitored.get("roaming"))
-    if roams is None and "roaming" in monitored.get("registration-status", "").lower():
+def _roaming(monitor_row: Row) -> bool | None:
+    roams = yes(monitor_row.get("roaming"))
+    if roams is None and "roaming" in monitor_row.get("registration-status", "").lower():
         return True
     return roams
 
 
-def _technology(monitored: Row) -> str | None:
-    text = _meaningful(monitored.get("data-class")) or _meaningful(monitored.get("access-technology"))
+def _technology(monitor_row: Row) -> str | None:
+    text = _meaningful(monitor_row.get("data-class")) or _meaningful(monitor_row.get("access-technology"))
     if text is None:
         return None
     inside = re.search(r"\(([^)]+)\)", text)
     return (inside[1] if inside is not None else text).lower()
 
 
-def _band(monitored: Row) -> str | None:
+def _band(monitor_row: Row) -> str | None:
     """Read `B3@20Mhz earfcn: 1300 …` and `1300 (band 3, bandwidth 20Mhz)`."""
-    text = f"{monitored.get('primary-band', '')} {monitored.get('earfcn', '')}"
-    found = re.search(r"\b([BbNn])(\d{1,3})@", text) or re.search(r"\b(b)and (\d{1,3})\b", text)
-    return f"{found[1].upper()}{found[2]}" if found is not None else None
+    text = f"{monitor_row.get('primary-band', '')} {monitor_row.get('earfcn', '')}"
+    match = re.search(r"\b([BbNn])(\d{1,3})@", text) or re.search(r"\b(b)and (\d{1,3})\b", text)
+    return f"{match[1].upper()}{match[2]}" if match is not None else None
 
 
-def _level(monitored: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
+def _level(monitor_row: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
     """Read an LTE level; where the modem is on 5G alone it has only the `nr-` one."""
-    lte = decibels(monitored.get(name), *bounds, unit=unit)
-    return decibels(monitored.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
+    lte = decibels(monitor_row.get(name), *bounds, unit=unit)
+    return decibels(monitor_row.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
 
 
 def _profile(its_row: Row, profiles: Rows) -> Row:
@@ -225,10 +225,10 @@ _CME = {
 def _from_log(log: Rows, interface: str) -> tuple[str | None, Registration | None]:
     """The latest answer of the modem about the card: its words, and what follows from them."""
     pattern = re.compile(rf"{re.escape(interface)}: rcvd (?:(\+CME ERROR: (\d+))|\+CPIN: (.*))")
-    found = [match for row in log if (match := pattern.search(row.get("message", "")))]
-    if not found:
+    matches = [match for row in log if (match := pattern.search(row.get("message", "")))]
+    if not matches:
         return None, None
-    last = found[-1]
+    last = matches[-1]
     if last[1] is not None:
         return last[1], _CME.get(last[2])
     word = last[3].strip().upper()

@@ -17,7 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import TRUST, DeviceFailed
+from atlantis_netcfg.core.errors import TRUST, DeviceError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 
-class RutosUnreachable(DeviceFailed):
+class RutosUnreachable(DeviceError):
     """Nobody answers, or the answer broke off; only reads were sent."""
 
 
-class CertificateUnknown(DeviceFailed):
+class CertificateUnknown(DeviceError):
     """The unit was never met; it showed `fingerprint`, and no password was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
@@ -37,19 +37,19 @@ class CertificateUnknown(DeviceFailed):
         self.fingerprint = fingerprint
 
 
-class CertificateChanged(DeviceFailed):
+class CertificateMismatch(DeviceError):
     """The certificate is not the pinned one; no password was sent."""
 
 
-class RutosLoginFailed(DeviceFailed):
+class RutosLoginError(DeviceError):
     """The unit did not take name and password."""
 
 
-class RutosRefused(DeviceFailed):
+class RutosError(DeviceError):
     """The unit refused a read, or answered in a way that we cannot read."""
 
 
-class NotOffered(RutosRefused):
+class PageMissing(RutosError):
     """This firmware has no such page: HTTP 404, 405 or 501."""
 
 
@@ -114,7 +114,7 @@ class RutosWire:
         self.sent += len(path) + len(data or b"")
         self.received += len(text)
         if status in _NOT_OFFERED:
-            raise NotOffered(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
+            raise PageMissing(f"{self._endpoint}: the unit's firmware does not offer {path} (HTTP {status})")
         try:
             return RutosAnswer(status, json.loads(text) if text else None)
         except (ValueError, RecursionError):
@@ -152,7 +152,7 @@ class RutosWire:
             text = response.read(_LARGEST + 1)
         if len(text) > _LARGEST:
             self.close()
-            raise RutosRefused(f"{self._endpoint}: the answer to {path} is larger than {_LARGEST} bytes")
+            raise RutosError(f"{self._endpoint}: the answer to {path} is larger than {_LARGEST} bytes")
         return response.status, text
 
     @contextmanager
@@ -222,17 +222,18 @@ class RutosWire:
 
     def _compare(self, connection: http.client.HTTPSConnection) -> None:
         der = connection.sock.getpeercert(binary_form=True) or b""
-        seen = hashlib.sha256(der).hexdigest()
+        fingerprint = hashlib.sha256(der).hexdigest()
         if self._endpoint.pin is None:
             raise CertificateUnknown(
-                f"{self._endpoint}: its certificate is not known here, so it was told no password; it showed {seen}",
-                fingerprint=seen,
-                hint=f"{TRUST}; or declare `fingerprint: {seen}` under its `access`",
+                f"{self._endpoint}: its certificate is not known here, so it was told no password; "
+                f"it showed {fingerprint}",
+                fingerprint=fingerprint,
+                hint=f"{TRUST}; or declare `fingerprint: {fingerprint}` under its `access`",
             )
-        if self._endpoint.pin != seen:
-            raise CertificateChanged(
+        if self._endpoint.pin != fingerprint:
+            raise CertificateMismatch(
                 f"{self._endpoint}: the certificate is not the one of this unit; "
-                f"pinned is {self._endpoint.pin}, it showed {seen}",
+                f"pinned is {self._endpoint.pin}, it showed {fingerprint}",
                 hint="another device at this address, a reset unit, or somebody in between: no password was sent to it;"
                 f" only if you have reset it: {TRUST}",
             )

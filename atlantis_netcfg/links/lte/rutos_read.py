@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
-from atlantis_netcfg.links.lte.rutos_client import NotOffered, RutosEndpoint, RutosLoginFailed, RutosRefused, RutosWire
+from atlantis_netcfg.links.lte.rutos_client import PageMissing, RutosEndpoint, RutosError, RutosLoginError, RutosWire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -72,18 +72,18 @@ def sim(record: Mapping[str, Any]) -> tuple[Registration | None, bool | None, in
     words = [(text(record, name) or "").lower() for name in ("pin", "card")]
     stage = record.get("mobile_stage")
     tries = number(record, "tries")
-    found = next((match[1] for match in map(_TRY.search, words) if match), None)
-    left = int(found) if found is not None else (None if tries is None else int(tries))
-    refused = any(bad in words[0] for bad in ("wrong", "incorrect", "invalid")) or None
+    tries_text = next((match[1] for match in map(_TRY.search, words) if match), None)
+    tries_left = int(tries_text) if tries_text is not None else (None if tries is None else int(tries))
+    is_pin_refused = any(bad in words[0] for bad in ("wrong", "incorrect", "invalid")) or None
     if stage in (6, 7) or _asks(words[0], "puk"):
         return Registration.SIM_PUK_REQUIRED, True, 0
-    if stage == 5 or refused or _asks(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
-        return Registration.SIM_PIN_REQUIRED, refused, left
+    if stage == 5 or is_pin_refused or _asks(words[0], "pin"):  # noqa: PLR2004 - "waiting for PIN to be entered"
+        return Registration.SIM_PIN_REQUIRED, is_pin_refused, tries_left
     if any(_absent(each) for each in words) or stage == 1:
-        return Registration.SIM_MISSING, refused, left
+        return Registration.SIM_MISSING, is_pin_refused, tries_left
     if stage == 23:  # noqa: PLR2004 - "flight mode enabled"
-        return Registration.DISABLED, refused, left
-    return None, refused, left
+        return Registration.DISABLED, is_pin_refused, tries_left
+    return None, is_pin_refused, tries_left
 
 
 def _asks(words: str, what: str) -> bool:
@@ -104,14 +104,14 @@ def registration(words: str | None) -> Registration:
     """
     if words is None:
         return Registration.UNKNOWN
-    lowered = words.lower()
-    if "denied" in lowered:
+    lower_words = words.lower()
+    if "denied" in lower_words:
         return Registration.DENIED
-    if "searching" in lowered or "not registered" in lowered or "unregistered" in lowered:
+    if "searching" in lower_words or "not registered" in lower_words or "unregistered" in lower_words:
         return Registration.SEARCHING
-    if "roaming" in lowered and "not roaming" not in lowered:
+    if "roaming" in lower_words and "not roaming" not in lower_words:
         return Registration.REGISTERED_ROAMING
-    if "registered" in lowered or lowered == "home":
+    if "registered" in lower_words or lower_words == "home":
         return Registration.REGISTERED_HOME
     return Registration.UNKNOWN
 
@@ -124,8 +124,8 @@ def technology(words: str | None) -> str | None:
     """`4G (LTE)` to lte; a word that nobody knows stays what it is, in lower case. Assumption: rutos-cell."""
     if words is None:
         return None
-    lowered = words.lower()
-    return next((name for word, name in TECHNOLOGIES.items() if word in lowered), lowered)
+    lower_words = words.lower()
+    return next((name for word, name in TECHNOLOGIES.items() if word in lower_words), lower_words)
 
 
 def band(words: str | None) -> str | None:
@@ -155,22 +155,24 @@ def cell(record: Mapping[str, Any]) -> str | None:
 
 
 SOURCE = "rutos"
-REGISTERED = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
+REGISTERED_STATES = (Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING)
 
 
 def modem_of(rows: object) -> Mapping[str, Any] | None:
     """The modem that carries the link: the primary one, else the first; None if there is none."""
-    found = [row for row in (rows if isinstance(rows, list) else [rows]) if isinstance(row, dict)]
-    return next((row for row in found if str(row.get("primary")).lower() in ("true", "1")), found[0] if found else None)
+    modems = [row for row in (rows if isinstance(rows, list) else [rows]) if isinstance(row, dict)]
+    return next(
+        (row for row in modems if str(row.get("primary")).lower() in ("true", "1")), modems[0] if modems else None
+    )
 
 
 def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | None = None) -> LteReading:
     """Put one record into ours. `interfaces`: the rows of the interfaces' status, for the address."""
-    between, refused, left = sim(modem)
-    reported = text(modem, "registration")
-    state = between or registration(reported)
+    between, is_pin_refused, tries_left = sim(modem)
+    registration_words = text(modem, "registration")
+    state = between or registration(registration_words)
     slot = number(modem, "slot")
-    registered = state in REGISTERED
+    is_registered = state in REGISTERED_STATES
     return LteReading(
         source=SOURCE,
         state=state,
@@ -183,23 +185,23 @@ def reading_of(modem: Mapping[str, Any], interfaces: object = None, apn: str | N
         rsrq_db=number(modem, "rsrq"),
         sinr_db=number(modem, "sinr"),
         rssi_dbm=number(modem, "rssi"),
-        roaming=state is Registration.REGISTERED_ROAMING if registered else None,
+        roaming=state is Registration.REGISTERED_ROAMING if is_registered else None,
         sim_slot=None if slot is None else int(slot),
         address=_address(interfaces),
-        connected=connected(modem),
+        is_connected=is_connected(modem),
         apn=apn,
-        pin_refused=refused,
-        pin_tries_left=left,
-        last_error=None if registered else _error(modem, reported),
+        pin_refused=is_pin_refused,
+        pin_tries_left=tries_left,
+        last_error=None if is_registered else _error(modem, registration_words),
     )
 
 
-def connected(modem: Mapping[str, Any]) -> bool | None:
+def is_connected(modem: Mapping[str, Any]) -> bool | None:
     """Whether the unit says that its data connection is up: `state` is the connection, `simstate` the card."""
-    reported = (text(modem, "connection") or "").lower()
-    if reported.startswith(("disconnected", "not connected")):
+    words = (text(modem, "connection") or "").lower()
+    if words.startswith(("disconnected", "not connected")):
         return False
-    return True if reported.startswith("connected") else None
+    return True if words.startswith("connected") else None
 
 
 def serial_of(status: object) -> str | None:
@@ -214,9 +216,9 @@ def serial_of(status: object) -> str | None:
 
 def _error(modem: Mapping[str, Any], registration: str | None) -> str | None:
     """What stands in the way, in the unit's words."""
-    for reported in (text(modem, "pin"), text(modem, "card"), registration):
-        if reported is not None and reported.lower() not in ("inserted", "ok", "ready"):
-            return reported
+    for words in (text(modem, "pin"), text(modem, "card"), registration):
+        if words is not None and words.lower() not in ("inserted", "ok", "ready"):
+            return words
     return None
 
 
@@ -226,8 +228,8 @@ def _address(interfaces: object) -> str | None:
     for row in rows:
         if not isinstance(row, dict) or not _mobile(row):
             continue
-        for found in _texts(row):
-            if match := re.fullmatch(r"(\d+\.\d+\.\d+\.\d+)(?:/\d+)?", found.strip()):
+        for address in _texts(row):
+            if match := re.fullmatch(r"(\d+\.\d+\.\d+\.\d+)(?:/\d+)?", address.strip()):
                 return match[1]
     return None
 
@@ -257,7 +259,7 @@ UBUS_READS = (("gsm.modem0", "get_signal_query"), ("gsm.modem0", "info"))
 _NOBODY = "0" * 32
 """The session of somebody who has not logged in (OpenWrt, rpcd)."""
 _FORBIDDEN = (401, 403)  # Assumption: rutos-refusals
-_DENIED = 6
+_PERMISSION_DENIED = 6
 """UBUS_STATUS_PERMISSION_DENIED."""
 
 
@@ -271,8 +273,8 @@ class RutosLook:
     slots: tuple[str, ...] = ()
     """Sections of the SIM slots, in their order: slots, not cards."""
     requests: int = 0
-    sent: int = 0
-    received: int = 0
+    sent_bytes: int = 0
+    received_bytes: int = 0
     identities: Mapping[str, str] = field(default_factory=dict, repr=False)
     """`imei` and `iccid`, whole: for a record that masks them, and for nothing else."""
     unread: tuple[str, ...] = ()
@@ -281,8 +283,8 @@ class RutosLook:
 
 def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
     """The numbers that name the modem and its SIM, where the unit tells them."""
-    found = {name: text(modem, name) for name in ("imei", "iccid")}
-    return {name: value for name, value in found.items() if value is not None and value.strip("0")}
+    identities = {name: text(modem, name) for name in ("imei", "iccid")}
+    return {name: value for name, value in identities.items() if value is not None and value.strip("0")}
 
 
 def read(endpoint: RutosEndpoint) -> RutosLook:
@@ -296,7 +298,7 @@ def read(endpoint: RutosEndpoint) -> RutosLook:
         session = _Rest(endpoint, wire)
         try:
             session.log_in()
-        except NotOffered:
+        except PageMissing:
             return _by_ubus(endpoint, wire)
         return _by_rest(endpoint, wire, session)
     finally:
@@ -307,20 +309,20 @@ def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosL
     modems, *others = READS
     modem = modem_of(session.get(modems))
     if modem is None:
-        raise RutosRefused(
+        raise RutosError(
             f"{endpoint}: the unit says that it has no modem",
             hint="switch it off and on; a modem that stays away is broken",
         )
     rows, interfaces, device = pages = [session.optional(each) for each in others]
-    spent = (wire.requests, wire.sent, wire.received)
+    usage = (wire.requests, wire.sent, wire.received)
     unread = tuple(name for name, page in zip(others, pages, strict=True) if page is None)
     reading, serial = reading_of(modem, interfaces), serial_of(device)
-    return RutosLook(reading, serial, _sections(rows), *spent, identities_of(modem), unread)
+    return RutosLook(reading, serial, _sections(rows), *usage, identities_of(modem), unread)
 
 
 def _sections(rows: object) -> tuple[str, ...]:
-    found = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
-    return tuple(str(row["section_name"]) for row in found if row.get("section_name"))
+    section_rows = [row for row in rows if isinstance(row, dict)] if isinstance(rows, list) else []
+    return tuple(str(row["section_name"]) for row in section_rows if row.get("section_name"))
 
 
 class _Rest:
@@ -340,7 +342,7 @@ class _Rest:
         if answer.status in _FORBIDDEN or (isinstance(answer.body, dict) and answer.body.get("success") is False):
             raise _not_let_in(self._endpoint)
         if not isinstance(token, str) or not token:
-            raise RutosRefused(
+            raise RutosError(
                 f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
                 hint="is this a Teltonika unit? Another make: `driver: manual`",
             )
@@ -352,9 +354,9 @@ class _Rest:
         if answer.status in _FORBIDDEN:
             self.log_in()
             answer = self._wire.ask("GET", path, token=self._token)
-        succeeded = isinstance(answer.body, dict) and answer.body.get("success") is True
-        if answer.status in _FORBIDDEN or not succeeded:
-            raise RutosRefused(
+        is_success = isinstance(answer.body, dict) and answer.body.get("success") is True
+        if answer.status in _FORBIDDEN or not is_success:
+            raise RutosError(
                 f"{self._endpoint}: the unit does not give {path} (HTTP {answer.status})",
                 hint=f"user {self._endpoint.user} needs the right to read it: System > Administration > Access control",
             )
@@ -363,7 +365,7 @@ class _Rest:
     def optional(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
         """None where this firmware or this user has no such page: a reading does without."""
         answer = None
-        with suppress(NotOffered):
+        with suppress(PageMissing):
             answer = self._wire.ask("GET", path, token=self._token)
         return _data(answer.body) if answer is not None and answer.status not in _FORBIDDEN else None
 
@@ -372,8 +374,8 @@ def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
     return body.get("data") if isinstance(body, dict) else None
 
 
-def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginFailed:
-    return RutosLoginFailed(
+def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginError:
+    return RutosLoginError(
         f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
         hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
     )
@@ -384,20 +386,20 @@ def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
     who = {"username": endpoint.user, "password": endpoint.password.reveal()}
     code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
     token = session.get("ubus_rpc_session")
-    if code == _DENIED or not isinstance(token, str):
+    if code == _PERMISSION_DENIED or not isinstance(token, str):
         raise _not_let_in(endpoint)
-    merged: dict[str, Any] = {}
+    record: dict[str, Any] = {}
     for target in UBUS_READS:
-        code, found = _call(endpoint, wire, token, target, {})
+        code, result = _call(endpoint, wire, token, target, {})
         if code:
-            raise RutosRefused(
+            raise RutosError(
                 f"{endpoint}: the unit does not give {' '.join(target)} (ubus status {code})",
                 hint=f"may user {endpoint.user} read it, and is there a modem in the unit?",
             )
-        cached = found.get("cache")
-        merged |= found | (cached if isinstance(cached, dict) else {})
-    spent = (wire.requests, wire.sent, wire.received)
-    return RutosLook(reading_of(merged), None, (), *spent, identities_of(merged), READS[1:])
+        cache = result.get("cache")
+        record |= result | (cache if isinstance(cache, dict) else {})
+    usage = (wire.requests, wire.sent, wire.received)
+    return RutosLook(reading_of(record), None, (), *usage, identities_of(record), READS[1:])
 
 
 def _call(
@@ -406,8 +408,8 @@ def _call(
     body = {"jsonrpc": "2.0", "id": 1, "method": "call", "params": [session, *target, arguments]}
     try:
         answer = wire.ask("POST", "/ubus", body)
-    except NotOffered as error:
-        raise RutosRefused(
+    except PageMissing as error:
+        raise RutosError(
             f"{endpoint}: neither the API of RutOS nor ubus answers here",
             hint="is this a Teltonika unit? Another make: `driver: manual`",
         ) from error
@@ -415,7 +417,7 @@ def _call(
     if not isinstance(result, list) or not result or not isinstance(result[0], int):
         wrong = answer.body.get("error") if isinstance(answer.body, dict) else None
         if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
-            return _DENIED, {}
-        raise RutosRefused(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
-    found = result[1] if len(result) > 1 else {}
-    return result[0], found if isinstance(found, dict) else {}
+            return _PERMISSION_DENIED, {}
+        raise RutosError(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
+    values = result[1] if len(result) > 1 else {}
+    return result[0], values if isinstance(values, dict) else {}

@@ -15,7 +15,7 @@ import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.secret import MASK, Secret
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
 
@@ -42,7 +42,7 @@ Sections = dict[tuple[str, str], dict[str, str]]
 """Options by package and section; the section's type stands under the empty name."""
 
 
-class SettingRefused(DeviceFailed):
+class SettingError(DeviceError):
     """The unit cannot be set as declared; nothing was sent."""
 
 
@@ -74,7 +74,7 @@ class SettingChange:
         return f"set {self.package}.{self.section}.{self.option}='{MASK if self.secret else self.value}'"
 
     @property
-    def removed(self) -> str | None:
+    def previous_line(self) -> str | None:
         """What stands there, secrets masked; None if nothing does."""
         if self.before is None:
             return None
@@ -97,23 +97,23 @@ def parse_show(text: str) -> Sections:
     return sections
 
 
-def pin_held(reading: LteReading, desired: LteSettings, sections: Sections, *, tried: str) -> str | None:
+def pin_held(reading: LteReading, settings: LteSettings, sections: Sections, *, pin_refusal: str) -> str | None:
     """Why nothing may be set while the card asks for a PIN: every reload may try the PIN that the unit has saved.
 
-    `tried`: why a PIN must not be tried, as far as earlier runs know. None: the card asks for none, or the declared PIN
+    `pin_refusal`: why a PIN must not be tried, from earlier runs. None: the card asks for none, or the declared PIN
     was never tried and is the one that the reload will try.
     """
     if reading.state is Registration.SIM_PUK_REQUIRED:
         return "the SIM is locked after too many wrong PINs and asks for its PUK"
     if reading.state is not Registration.SIM_PIN_REQUIRED:
         return None
-    pin = None if desired.pin is None else desired.pin.reveal()
-    saved = _slot(sections, _place(reading))[1].get(PIN)
+    pin = None if settings.pin is None else settings.pin.reveal()
+    saved_pin = _slot(sections, _place(reading))[1].get(PIN)
     reasons = (
         (pin is None, "the SIM asks for a PIN and none is declared"),
-        (tried, tried),
+        (pin_refusal, pin_refusal),
         (reading.pin_refused, "the SIM has refused the PIN"),
-        (saved == pin, "the unit has the declared PIN saved, and the SIM still asks for one: it is wrong"),
+        (saved_pin == pin, "the unit has the declared PIN saved, and the SIM still asks for one: it is wrong"),
         ((reading.pin_tries_left or 3) < _A_PERSONS, "the SIM has one try left, which is a person's"),
     )
     return next((reason for holds, reason in reasons if holds), None)
@@ -124,32 +124,32 @@ def removal(change: SettingChange) -> str:
     return f"delete {change.package}.{change.section}.{change.option}\ncommit {change.package}\n"
 
 
-def changes(reading: LteReading, desired: LteSettings, sections: Sections) -> tuple[SettingChange, ...]:
+def changes(reading: LteReading, settings: LteSettings, sections: Sections) -> tuple[SettingChange, ...]:
     """What has to be set, in order; empty if the unit is as declared. Raises SettingRefused.
 
     A declared PIN is set only while the card asks for one.
     """
     place = _place(reading)
-    found = [*_interface(sections, place, desired), *_card(sections, place, desired, reading)]
-    for change in found:
+    setting_changes = [*_interface(sections, place, settings), *_card(sections, place, settings, reading)]
+    for change in setting_changes:
         if not change.value.isprintable() or "'" in change.value or "\\" in change.value:
             name = "the value" if change.secret else f"`{change.value}`"
-            raise SettingRefused(
+            raise SettingError(
                 f"{name} of {change.package}.{change.section}.{change.option} has a quote, a backslash or a "
                 "control character",
                 hint="set it on the unit's own page",
             )
-    return tuple(found)
+    return tuple(setting_changes)
 
 
-def batch(found: tuple[SettingChange, ...]) -> str:
+def batch(setting_changes: tuple[SettingChange, ...]) -> str:
     """What `uci batch` reads on its standard input; secrets in clear: it goes nowhere else."""
-    lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in found]
-    return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(found))))
+    lines = [f"set {change.package}.{change.section}.{change.option}='{change.value}'" for change in setting_changes]
+    return "".join(f"{line}\n" for line in (*lines, *(f"commit {name}" for name in _packages(setting_changes))))
 
 
-def _packages(found: tuple[SettingChange, ...]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(change.package for change in found))
+def _packages(setting_changes: tuple[SettingChange, ...]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(change.package for change in setting_changes))
 
 
 def _place(reading: LteReading) -> str:
@@ -157,47 +157,47 @@ def _place(reading: LteReading) -> str:
     return str(reading.sim_slot or 1)
 
 
-def _interface(sections: Sections, place: str, desired: LteSettings) -> Iterator[SettingChange]:
-    if desired.apn is None and desired.user is None and desired.password is None:
+def _interface(sections: Sections, place: str, settings: LteSettings) -> Iterator[SettingChange]:
+    if settings.apn is None and settings.user is None and settings.password is None:
         return
     name, options = _mobile(sections, place)
-    declared: dict[str, tuple[str | None, bool]] = {
-        "auto_apn": (None if desired.apn is None else "0", False),
-        "apn": (desired.apn, False),
-        "auth": (_authentication(desired, options), False),
-        "username": (desired.user, False),
-        "password": (None if desired.password is None else desired.password.reveal(), True),
+    declared_options: dict[str, tuple[str | None, bool]] = {
+        "auto_apn": (None if settings.apn is None else "0", False),
+        "apn": (settings.apn, False),
+        "auth": (_authentication(settings, options), False),
+        "username": (settings.user, False),
+        "password": (None if settings.password is None else settings.password.reveal(), True),
     }
-    yield from _differing("network", name, options, declared)
+    yield from _differing("network", name, options, declared_options)
 
 
-def _authentication(desired: LteSettings, options: Mapping[str, str]) -> str | None:
+def _authentication(settings: LteSettings, options: Mapping[str, str]) -> str | None:
     """With user and password what the unit has, else `pap`; without, as it is. Assumption: rutos-settings."""
-    if desired.user is None and desired.password is None:
+    if settings.user is None and settings.password is None:
         return None
     there = options.get("auth", "none")
     return there if there != "none" else "pap"
 
 
-def _card(sections: Sections, place: str, desired: LteSettings, reading: LteReading) -> Iterator[SettingChange]:
+def _card(sections: Sections, place: str, settings: LteSettings, reading: LteReading) -> Iterator[SettingChange]:
     name, options = _slot(sections, place)
     if not name:
-        raise SettingRefused(
+        raise SettingError(
             f"the unit has no section `sim` for slot {place} in its configuration `simcard`",
             hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of "
             "`access`, so that it is only checked",
         )
-    denied = "0" if desired.roaming else "1"
-    if (options.get("deny_roaming") or "0") != denied:
-        yield SettingChange("simcard", name, "deny_roaming", denied, options.get("deny_roaming"))
-    if desired.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
-        yield from _differing("simcard", name, options, {PIN: (desired.pin.reveal(), True)})
+    deny_roaming = "0" if settings.roaming else "1"
+    if (options.get("deny_roaming") or "0") != deny_roaming:
+        yield SettingChange("simcard", name, "deny_roaming", deny_roaming, options.get("deny_roaming"))
+    if settings.pin is not None and reading.state is Registration.SIM_PIN_REQUIRED:
+        yield from _differing("simcard", name, options, {PIN: (settings.pin.reveal(), True)})
 
 
 def _differing(
-    package: str, section: str, options: Mapping[str, str], declared: Mapping[str, tuple[str | None, bool]]
+    package: str, section: str, options: Mapping[str, str], declared_options: Mapping[str, tuple[str | None, bool]]
 ) -> Iterator[SettingChange]:
-    for option, (value, secret) in declared.items():
+    for option, (value, secret) in declared_options.items():
         if value is not None and options.get(option) != value:
             yield SettingChange(package, section, option, value, options.get(option), secret)
 
@@ -208,7 +208,7 @@ def _mobile(sections: Sections, place: str) -> tuple[str, Mapping[str, str]]:
         mobile = options.get("proto") in _MOBILE and options.get("sim", "1") == place
         if package == "network" and options.get("") == "interface" and mobile:
             return name, options
-    raise SettingRefused(
+    raise SettingError(
         f"the unit has no mobile interface for slot {place} in its configuration `network`",
         hint="its firmware keeps this elsewhere: set it on the unit's own page, and take `admin_user` out of `access`, "
         "so that it is only checked",

@@ -14,7 +14,7 @@ from atlantis_netcfg.core.errors import UsageError, nearest
 from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import read
-from atlantis_netcfg.runs import NoSuchRun, StateDamaged, os_errors_as, write_atomically
+from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, os_errors_as, write_atomically
 from atlantis_netcfg.runs.files import component
 
 if TYPE_CHECKING:
@@ -47,9 +47,9 @@ def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]
     """Give the runs of a site, or of one of its links, oldest first. StateDamaged: a `run.json` cannot be read."""
     folder = folder_of(store, site)
     places = [path for path in folder.iterdir() if (path / RUN_FILE).is_file()] if folder.is_dir() else []
-    found = [KeptRun(place, _run(place)) for place in places]
+    runs = [KeptRun(place, _run(place)) for place in places]
     return sorted(
-        (item for item in found if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
+        (item for item in runs if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
     )
 
 
@@ -58,10 +58,10 @@ def kept_run(store: Store, site: str, run: str) -> KeptRun:
     folder = folder_of(store, site)
     names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
     if run not in names:
-        rehearsed = " --rehearsed" if store.rehearsed else ""
+        option = " --rehearsed" if store.is_rehearsal else ""
         near = nearest(run, names)
-        meant = f"did you mean `{near}`? " if near else ""
-        hint = f"{meant}`provision qualify history site={site}{rehearsed}` lists them" if names else None
+        suggestion = f"did you mean `{near}`? " if near else ""
+        hint = f"{suggestion}`provision qualify history site={site}{option}` lists them" if names else None
         raise NoSuchRun(f"{site} has no measurement `{run}`", hint=hint)
     return KeptRun(folder / run, _run(folder / run))
 
@@ -70,7 +70,7 @@ def _run(folder: Path) -> MeasuredRun:
     try:
         return read_run(folder)
     except (OSError, ValueError) as error:
-        raise StateDamaged(
+        raise DamagedStateError(
             f"the measurement in {folder} is damaged, or of another version",
             hint="put this folder aside, and type the same again",
         ) from error
@@ -86,7 +86,7 @@ def samples_of(folder: Path) -> list[Sample]:
         return []
     except (OSError, UnicodeDecodeError) as error:
         hint = "put this folder aside, and type the same again"
-        raise StateDamaged(f"the samples in {folder} are damaged", hint=hint) from error
+        raise DamagedStateError(f"the samples in {folder} are damaged", hint=hint) from error
 
 
 def _digest(folder: Path) -> str:
@@ -94,13 +94,13 @@ def _digest(folder: Path) -> str:
     return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
 
 
-def record_of(kept: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
+def record_of(saved_run: KeptRun, thresholds: tuple[str, QualifyProfile] | None = None) -> QualifyRecord:
     """Give the figures of a run: as they were kept, where that is still of its samples; else made again."""
-    digest = _digest(kept.folder)
-    known = _kept_record(kept.folder) if thresholds is None else None
-    if known is not None and known.samples_sha256 == digest and known.run == kept.run:
-        return known
-    return make_record(kept.run, samples_of(kept.folder), digest, thresholds)
+    digest = _digest(saved_run.folder)
+    saved_record = _kept_record(saved_run.folder) if thresholds is None else None
+    if saved_record is not None and saved_record.samples_sha256 == digest and saved_record.run == saved_run.run:
+        return saved_record
+    return make_record(saved_run.run, samples_of(saved_run.folder), digest, thresholds)
 
 
 def made_anew(folder: Path, thresholds: tuple[str, QualifyProfile] | None = None) -> tuple[QualifyRecord, list[Sample]]:

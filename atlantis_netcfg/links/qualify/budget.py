@@ -131,9 +131,9 @@ class BudgetGuard:
 
     def _expected_copies(self, seconds: float) -> int:
         """How much more may come if the link doubles each answer."""
-        for kept in (self._awaited, self._arrived):
-            while kept and kept[0][0] < seconds:
-                self._copies -= kept.popleft()[1]
+        for queue in (self._awaited, self._arrived):
+            while queue and queue[0][0] < seconds:
+                self._copies -= queue.popleft()[1]
         return self._copies
 
     def expires(self, within_s: float) -> bool:
@@ -148,23 +148,23 @@ class BudgetGuard:
         until = self._answers_until_s
         return 0.0 if until is None else max(0.0, until + self.budget.closing_s - self.seconds)
 
-    def count(self, answer: int, charged: int) -> None:
+    def count(self, answer: int, charge: int) -> None:
         """Count a UDP payload that came, of which so much had been charged (0: nobody asked for it)."""
         size = answer + self._headers
         self.received_bytes += size
-        self._charged += size - (charged + self._headers if charged else 0)
-        if charged:
+        self._charged += size - (charge + self._headers if charge else 0)
+        if charge:
             self._keep_room(size)
 
     def _keep_room(self, size: int) -> None:
         """An answer has come: its copy may still, for a while."""
-        left = size
-        while left and self._awaited:
-            until, awaited = self._awaited.popleft()
-            if awaited > left:
-                self._awaited.appendleft((until, awaited - left))
-            self._copies -= min(awaited, left)
-            left -= min(awaited, left)
+        remaining = size
+        while remaining and self._awaited:
+            until, awaited_bytes = self._awaited.popleft()
+            if awaited_bytes > remaining:
+                self._awaited.appendleft((until, awaited_bytes - remaining))
+            self._copies -= min(awaited_bytes, remaining)
+            remaining -= min(awaited_bytes, remaining)
         self._arrived.append((self.seconds + COPY_S, size))
         self._copies += size
 
@@ -173,6 +173,6 @@ class BudgetGuard:
         """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
         return self._charged
 
-    def spent(self) -> Bill:
+    def current_bill(self) -> Bill:
         """Price what has passed up to now: what was sent, and what came."""
         return bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)

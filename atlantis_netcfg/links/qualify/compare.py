@@ -52,11 +52,11 @@ def _train(record: QualifyRecord, take: Callable[[TrainFigures], float | None]) 
 def loss_shares(figures: TrainFigures) -> tuple[float | None, float | None, float]:
     """Loss up, of what was sent, and down, of what arrived; None: not known; and of both ways together."""
     loss = figures.loss
-    known = loss.sent - loss.in_flight
-    if loss.up is None or loss.down is None or not known:
+    known_count = loss.sent - loss.in_flight
+    if loss.up is None or loss.down is None or not known_count:
         return None, None, loss.share
-    reached = known - loss.up
-    return loss.up / known, loss.down / reached if reached else None, loss.share
+    reached_count = known_count - loss.up
+    return loss.up / known_count, loss.down / reached_count if reached_count else None, loss.share
 
 
 def _goodput(record: QualifyRecord, way: str) -> float | None:
@@ -120,7 +120,7 @@ class RunComparison:
     """What the boxes said at the time, and the tool."""
 
 
-def compared(first: QualifyRecord, second: QualifyRecord) -> RunComparison:
+def compare_runs(first: QualifyRecord, second: QualifyRecord) -> RunComparison:
     """Compare the figures of two runs."""
     return RunComparison(
         tuple(_remarks(first, second)),

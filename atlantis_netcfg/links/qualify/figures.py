@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.links.qualify import responses
 from atlantis_netcfg.links.qualify.reflector.stamp import is_synchronised
-from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.samples import CounterSample, PacketSent, ReplySample, StreamEnd, TrainBegan
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 GAPS_S: Final = (1, 5, 20, 60)
 _SECOND: Final = 1_000_000_000
-_TRIMMED: Final = 0.95
+_TRIM_SHARE: Final = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +81,8 @@ class TrainLoss:
     @property
     def share(self) -> float:
         """Lost of those whose fate is known."""
-        known = self.sent - self.in_flight
-        return self.lost / known if known else 0.0
+        known_count = self.sent - self.in_flight
+        return self.lost / known_count if known_count else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,18 +142,18 @@ class NoTrain(LookupError):
     """The samples hold no train of this name."""
 
 
-def percentile(ordered: Sequence[float], share: float) -> float:
+def percentile(sorted_values: Sequence[float], share: float) -> float:
     """Give a percentile of samples that are sorted; RFC 2330, 11.3."""
-    return ordered[max(0, math.ceil(share * len(ordered)) - 1)]
+    return sorted_values[max(0, math.ceil(share * len(sorted_values)) - 1)]
 
 
 def percentiles(values: Iterable[float]) -> Percentiles | None:
     """Give those of samples in any order; None: there are none."""
-    ordered = sorted(values)
-    if not ordered:
+    sorted_values = sorted(values)
+    if not sorted_values:
         return None
-    p50, p90, p95, p99 = (percentile(ordered, share) for share in (0.5, 0.9, 0.95, 0.99))
-    return Percentiles(len(ordered), ordered[0], p50, p90, p95, p99, ordered[-1])
+    p50, p90, p95, p99 = (percentile(sorted_values, share) for share in (0.5, 0.9, 0.95, 0.99))
+    return Percentiles(len(sorted_values), sorted_values[0], p50, p90, p95, p99, sorted_values[-1])
 
 
 def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
@@ -162,9 +162,9 @@ def round_trips_per_minute(rtts: Iterable[float]) -> float | None:
     The draft takes TCP, TLS and HTTP exchanges; these are test packets over UDP beside the load, so the number is not
     that of its tools.
     """
-    ordered = sorted(rtts)
-    kept = ordered[: max(1, math.ceil(_TRIMMED * len(ordered)))]
-    return 60.0 * len(kept) / sum(kept) if ordered and sum(kept) > 0 else None
+    sorted_rtts = sorted(rtts)
+    lowest_rtts = sorted_rtts[: max(1, math.ceil(_TRIM_SHARE * len(sorted_rtts)))]
+    return 60.0 * len(lowest_rtts) / sum(lowest_rtts) if sorted_rtts and sum(lowest_rtts) > 0 else None
 
 
 def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
@@ -173,18 +173,23 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
     begin = next((sample for sample in mine if isinstance(sample, TrainBegan)), None)
     if begin is None:
         raise NoTrain(stream)
-    sent = [sample for sample in mine if isinstance(sample, PacketSent)]
-    replies = [sample for sample in mine if isinstance(sample, ReplyReceived)]
-    counted = next((sample for sample in mine if isinstance(sample, ReflectorCounted)), None)
-    end = next((sample for sample in mine if isinstance(sample, StreamEnded)), None)
+    packets = [sample for sample in mine if isinstance(sample, PacketSent)]
+    replies = [sample for sample in mine if isinstance(sample, ReplySample)]
+    counters = next((sample for sample in mine if isinstance(sample, CounterSample)), None)
+    end = next((sample for sample in mine if isinstance(sample, StreamEnd)), None)
     ended_at = end.ended_at_ns if end is not None else max((s.arrived_at_ns for s in replies), default=0)
-    pairs = responses.answered_packets(sent, replies)
+    pairs = responses.answered_packets(packets, replies)
     rtts = [pair.rtt / _SECOND for pair in pairs]
     both_synchronised = begin.synchronised and bool(pairs) and all(is_synchronised(pair.error) for pair in pairs)
-    up = [(pair.received, pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) for pair in pairs]
-    down = [(pair.arrived, pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) for pair in pairs]
-    loss = _loss(begin, sent, replies, pairs, counted, ended_at)
-    silences = responses.find_silences(responses.packets_of_known_fate(mine, begin), pairs, counted)
+    up = [
+        (pair.received_ns, pair.received_ns - begin.begin_ns - (pair.sent_at_ns - begin.begin_at_ns)) for pair in pairs
+    ]
+    down = [
+        (pair.arrived_at_ns, pair.arrived_at_ns - begin.begin_at_ns - (pair.replied_ns - begin.begin_ns))
+        for pair in pairs
+    ]
+    loss = _loss(begin, packets, replies, pairs, counters, ended_at)
+    silences = responses.find_silences(responses.packets_of_known_fate(mine, begin), pairs, counters)
     return TrainFigures(
         size=begin.size,
         interval_s=begin.interval_s,
@@ -194,9 +199,13 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
         rtt=percentiles(rtts),
         up=_variation(pairs, up, absolute=both_synchronised),
         down=_variation(pairs, down, absolute=both_synchronised),
-        reordered_up=_reordered([pair.sequence for pair in sorted(pairs, key=lambda pair: pair.reflector_sequence)]),
-        reordered_down=_reordered([pair.reflector_sequence for pair in sorted(pairs, key=lambda pair: pair.arrived)]),
-        gaps=_gaps(sent, pairs, ended_at, counted),
+        reordered_up=_reorder_share(
+            [pair.sequence for pair in sorted(pairs, key=lambda pair: pair.reflector_sequence)]
+        ),
+        reordered_down=_reorder_share(
+            [pair.reflector_sequence for pair in sorted(pairs, key=lambda pair: pair.arrived_at_ns)]
+        ),
+        gaps=_gaps(packets, pairs, ended_at, counters),
         rpm=round_trips_per_minute(rtts),
     )
 
@@ -204,59 +213,59 @@ def train_figures(samples: Iterable[Sample], stream: str) -> TrainFigures:
 def round_trips(samples: Iterable[Sample], stream: str) -> list[tuple[float, float | None]]:
     """Give when each packet was sent, in seconds since the first, and its round trip; None: it was not answered."""
     mine = [sample for sample in samples if sample.stream == stream]
-    sent = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
-    pairs = responses.answered_packets(sent, [sample for sample in mine if isinstance(sample, ReplyReceived)])
+    packets = [sample for sample in mine if isinstance(sample, PacketSent) and not sample.error]
+    pairs = responses.answered_packets(packets, [sample for sample in mine if isinstance(sample, ReplySample)])
     rtts = {pair.sequence: pair.rtt / _SECOND for pair in pairs}
-    return [((packet.sent_at_ns - sent[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in sent]
+    return [((packet.sent_at_ns - packets[0].sent_at_ns) / _SECOND, rtts.get(packet.sequence)) for packet in packets]
 
 
 def _loss(  # noqa: PLR0913, PLR0917 - all that is known of a train
     begin: TrainBegan,
-    sent: Sequence[PacketSent],
-    replies: Sequence[ReplyReceived],
+    packets: Sequence[PacketSent],
+    replies: Sequence[ReplySample],
     pairs: Sequence[AnsweredPacket],
-    counted: ReflectorCounted | None,
+    counters: CounterSample | None,
     ended_at: int,
 ) -> TrainLoss:
-    taken = [packet for packet in sent if not packet.error]
+    sent_packets = [packet for packet in packets if not packet.error]
     timeout = round(begin.timeout_s * _SECOND)
-    answered = {pair.sequence for pair in pairs}
-    silent = [packet for packet in taken if packet.sequence not in answered]
+    answered_sequences = {pair.sequence for pair in pairs}
+    silent = [packet for packet in sent_packets if packet.sequence not in answered_sequences]
     in_flight = sum(1 for packet in silent if ended_at - packet.sent_at_ns < timeout)
-    lost = len(silent) - in_flight
-    up, down, why = _direction(len(taken), lost, in_flight, pairs, counted)
+    lost_count = len(silent) - in_flight
+    up, down, why = _direction(len(sent_packets), lost_count, in_flight, pairs, counters)
     return TrainLoss(
-        sent=len(taken),
+        sent=len(sent_packets),
         received=len(pairs),
-        late=sum(1 for pair in pairs if pair.arrived - pair.sent > timeout),
-        unsent=len(sent) - len(taken),
+        late=sum(1 for pair in pairs if pair.arrived_at_ns - pair.sent_at_ns > timeout),
+        unsent=len(packets) - len(sent_packets),
         in_flight=in_flight,
-        lost=lost,
+        lost=lost_count,
         up=up,
         down=down,
         why=why,
-        limited=counted.limited if counted is not None else 0,
-        copies_up=counted.duplicates if counted is not None else None,
+        limited=counters.limited if counters is not None else 0,
+        copies_up=counters.duplicates if counters is not None else None,
         copies_down=len(replies) - len({reply.sequence for reply in replies}),
     )
 
 
 def _direction(
-    sent: int, lost: int, in_flight: int, pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
+    sent_count: int, lost_count: int, in_flight: int, pairs: Sequence[AnsweredPacket], counters: CounterSample | None
 ) -> tuple[int | None, int | None, str]:
     """Split loss by the reflector's own count, else by its sequence numbers (RFC 8762, 4.3.1)."""
     numbers = [pair.reflector_sequence for pair in pairs]
     if len(set(numbers)) != len(numbers):
         return None, None, "the reflector began to count again in this train"
-    if counted is not None and not in_flight:
-        arrived = counted.received - counted.duplicates
-        if len(pairs) <= arrived <= sent:
-            return sent - arrived, lost - (sent - arrived), "by the reflector's count"
+    if counters is not None and not in_flight:
+        arrived_count = counters.received - counters.duplicates
+        if len(pairs) <= arrived_count <= sent_count:
+            return sent_count - arrived_count, lost_count - (sent_count - arrived_count), "by the reflector's count"
         return None, None, "the reflector's count does not agree with what was sent"
-    return (0, 0, "nothing was lost") if not lost else _by_numbers(lost, pairs)
+    return (0, 0, "nothing was lost") if not lost_count else _by_numbers(lost_count, pairs)
 
 
-def _by_numbers(lost: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
+def _by_numbers(lost_count: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None, int | None, str]:
     """Split loss where the reflector has told no count of its own."""
     if not pairs:
         return None, None, "nothing was answered"
@@ -265,14 +274,14 @@ def _by_numbers(lost: int, pairs: Sequence[AnsweredPacket]) -> tuple[int | None,
     last = max(pair.reflector_sequence for pair in pairs)
     down = last + 1 - len(pairs)
     up = max(0, max(pair.sequence for pair in pairs) - last)
-    if up + down != lost:
-        return None, None, f"of {lost - up - down} packets at the end nobody knows where they were lost"
+    if up + down != lost_count:
+        return None, None, f"of {lost_count - up - down} packets at the end nobody knows where they were lost"
     return up, down, "by the reflector's sequence numbers"
 
 
 def _frame_loss(loss: TrainLoss, gaps: Sequence[Silence]) -> FrameLoss:
-    known, in_gaps = loss.sent - loss.in_flight, sum(gap.packets for gap in gaps)
-    outside = known - in_gaps
+    known_count, in_gaps = loss.sent - loss.in_flight, sum(gap.packets for gap in gaps)
+    outside = known_count - in_gaps
     both = (loss.lost - in_gaps) / outside if outside else 0.0
     down_in_gaps = [gap.down for gap in gaps if gap.down is not None]
     if loss.up is None or loss.down is None or len(down_in_gaps) < len(gaps) or not outside:
@@ -280,8 +289,8 @@ def _frame_loss(loss: TrainLoss, gaps: Sequence[Silence]) -> FrameLoss:
     # A packet that was overtaken may make a gap's share of one way too large by one.
     lost_down = max(0, loss.down - sum(down_in_gaps))
     lost_up = max(0, loss.lost - in_gaps - lost_down)
-    reached = outside - lost_up
-    return FrameLoss(lost_up / outside, lost_down / reached if reached else None, both, outside, in_gaps)
+    reached_count = outside - lost_up
+    return FrameLoss(lost_up / outside, lost_down / reached_count if reached_count else None, both, outside, in_gaps)
 
 
 def _variation(
@@ -319,29 +328,29 @@ def _rfc3550(transits: Sequence[float]) -> list[float]:
     return estimates
 
 
-def _reordered(sequences: Sequence[int]) -> float | None:
+def _reorder_share(sequences: Sequence[int]) -> float | None:
     """Share of packets that arrived after one that was sent later."""
     if not sequences:
         return None
-    expected, reordered = 0, 0
+    next_sequence, reorder_count = 0, 0
     for sequence in sequences:
-        if sequence < expected:
-            reordered += 1
+        if sequence < next_sequence:
+            reorder_count += 1
         else:
-            expected = sequence + 1
-    return reordered / len(sequences)
+            next_sequence = sequence + 1
+    return reorder_count / len(sequences)
 
 
 def _gaps(
-    sent: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int, counted: ReflectorCounted | None
+    packets: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], ended_at: int, counters: CounterSample | None
 ) -> ArrivalGaps:
     """Between arrivals; the first packet and the last are taken to arrive after the least round trip."""
-    if not sent:
+    if not packets:
         return ArrivalGaps(0.0, tuple((limit, 0) for limit in GAPS_S), 0.0, open_end=False, at_most_s=None)
     least = min((pair.rtt for pair in pairs), default=0)
-    arrivals = sorted(pair.arrived for pair in pairs)
-    first = sent[0].sent_at_ns + least
-    last = min(sent[-1].sent_at_ns + least, ended_at)
+    arrivals = sorted(pair.arrived_at_ns for pair in pairs)
+    first = packets[0].sent_at_ns + least
+    last = min(packets[-1].sent_at_ns + least, ended_at)
     times = [
         first,
         *(arrival for arrival in arrivals if arrival >= first),
@@ -349,12 +358,12 @@ def _gaps(
     ]
     gaps = [(later - earlier) / _SECOND for earlier, later in pairwise(times)]
     longest = max(gaps)
-    ends = (pairs[0].sequence - sent[0].sequence, sent[-1].sequence - pairs[-1].sequence) if pairs else None
+    ends = (pairs[0].sequence - packets[0].sequence, packets[-1].sequence - pairs[-1].sequence) if pairs else None
     at_most: float | None = None
     if ends is not None and ends[0] < responses.LEAST_GAP_PACKETS:
         if ends[1] < responses.LEAST_GAP_PACKETS:
             at_most = longest
-        elif counted is not None:  # its answer was the first sign of life, and ended the stream
+        elif counters is not None:  # its answer was the first sign of life, and ended the stream
             at_most = max(longest, (ended_at - arrivals[-1]) / _SECOND)
     return ArrivalGaps(
         longest,

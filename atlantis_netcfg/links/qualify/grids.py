@@ -19,7 +19,7 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     chunk_room,
     extended_size,
 )
-from atlantis_netcfg.links.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, RateLimit, failed
+from atlantis_netcfg.links.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, RateLimit, find_limit
 from atlantis_netcfg.links.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
@@ -105,8 +105,8 @@ def train_bytes(plan: TrainPlan, headers: int) -> int:
 def message_bytes(plan: MessagePlan, headers: int) -> int:
     """Give what authenticated messages put on the wire where nothing is lost, both ways together."""
     packet = min(plan.packet, DEFAULT_PACKET)
-    room = chunk_room(packet, authenticated=True)
-    answer = extended_size(authenticated=True) + ACKNOWLEDGEMENT_SIZE
+    room = chunk_room(packet, is_authenticated=True)
+    answer = extended_size(is_authenticated=True) + ACKNOWLEDGEMENT_SIZE
     chunks = -(-plan.size // room)
     return plan.messages * (plan.size + chunks * (packet - room + headers) + answer + headers)
 
@@ -114,12 +114,12 @@ def message_bytes(plan: MessagePlan, headers: int) -> int:
 def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s: float) -> RateRow:
     """Judge a train of the grid: at most 1 % lost each way outside of gaps, and a round trip in its band."""
     loss, flr, rtt = figures.loss, figures.flr, figures.rtt
-    known = loss.sent - loss.in_flight
-    up = None if loss.up is None or not known else loss.up / known
-    reached = known - (loss.up or 0)
-    down = None if loss.down is None or not reached else loss.down / reached
+    known_count = loss.sent - loss.in_flight
+    up = None if loss.up is None or not known_count else loss.up / known_count
+    reached_count = known_count - (loss.up or 0)
+    down = None if loss.down is None or not reached_count else loss.down / reached_count
     verdict, reason = Verdict.PASS, "sustained"
-    if rtt is None or not known:
+    if rtt is None or not known_count:
         verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
     elif loss.limited:
         verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
@@ -131,13 +131,13 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.FAIL, "latency"
     elif flr.in_gaps:
         verdict, reason = Verdict.INCONCLUSIVE, GAP
-    elif lossy or known < LEAST_PACKETS:
+    elif lossy or known_count < LEAST_PACKETS:
         verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(
         f"{octets} B",
         octets,
         rate_hz,
-        known,
+        known_count,
         loss.received,
         up,
         down,
@@ -150,8 +150,8 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
 
 def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
     """Judge a stream of the grid as the search for the highest rate does, and by its messages that are not whole."""
-    lost = figures.lost + figures.unknown >= MIN_LOST and figures.loss > MAX_LOSS
-    limit = RateLimit.LOSS if lost else failed(figures, idle_latency_s, 0.0)
+    has_loss = figures.lost_count + figures.unknown >= MIN_LOST and figures.loss > MAX_LOSS
+    limit = RateLimit.LOSS if has_loss else find_limit(figures, idle_latency_s, 0.0)
     latency = figures.latency
     verdict, reason = Verdict.PASS, "sustained"
     if limit is not None:
@@ -162,8 +162,8 @@ def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle
         image.label,
         figures.size,
         rate_hz,
-        figures.sent - figures.in_flight,
-        figures.received,
+        figures.sent_count - figures.in_flight,
+        figures.received_count,
         figures.loss,
         None,
         None if latency is None else latency.p50,

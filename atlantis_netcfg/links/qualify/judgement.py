@@ -84,42 +84,44 @@ def judge(
 ) -> Sequence[Judgement]:
     """Judge a train without load, and the round trips of one beside a load that filled the link."""
     loss = idle.loss
-    known = loss.sent - loss.in_flight
-    span_s = known * idle.interval_s
+    known_count = loss.sent - loss.in_flight
+    span_s = known_count * idle.interval_s
     if idle.rtt is None:
         return [_silence(idle, limits, span_s)]
-    few = f"only {known} packets, {limits.min_samples} are needed" if known < limits.min_samples else ""
+    few = f"only {known_count} packets, {limits.min_samples} are needed" if known_count < limits.min_samples else ""
     seldom = few
     if not few and 2 * idle.rtt.n < limits.min_samples:
         seldom = f"only {idle.rtt.n} answers, {-(-limits.min_samples // 2)} are needed"
-    judged = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
+    judgements = [_at_most("FTD, round trip, 95 %", idle.rtt.p95, limits.ftd_s, "s", seldom)]
     for way, variation in (("up", idle.up), ("down", idle.down)):
         value = None if variation is None else variation.above_min.p95
-        judged.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
-    judged += _frame_loss(idle, limits, few)
-    judged.append(_longest_gap(idle, limits, span_s))
+        judgements.append(_at_most(f"FDV {way}, 95 %", value, limits.fdv_s, "s", seldom))
+    judgements += _frame_loss(idle, limits, few)
+    judgements.append(_longest_gap(idle, limits, span_s))
     # Packets that are a second apart cannot show a gap of one second.
-    seen = span_s and idle.interval_s <= _SHORT_S
-    judged.append(_at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if seen else None, limits.avail, few))
+    can_see_gaps = span_s and idle.interval_s <= _SHORT_S
+    judgements.append(
+        _at_least("AVAIL", 1.0 - idle.gaps.beyond_1_s / span_s if can_see_gaps else None, limits.avail, few)
+    )
     doubt = "what was offered is not known" if load is None else load.doubt(idle.flr.share_up)
-    judged.append(_buffer_delay(idle, under_load, limits, doubt))
-    return judged
+    judgements.append(_buffer_delay(idle, under_load, limits, doubt))
+    return judgements
 
 
 def _frame_loss(idle: TrainFigures, limits: QualifyProfile, few: str) -> Iterator[Judgement]:
     """Outside of gaps; those are judged by their length, and by the availability."""
     flr, loss, least = idle.flr, idle.loss, -(-limits.min_samples // 2)
-    refused = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
+    rate_doubt = f"the reflector refused {loss.limited} packets for its rate" if loss.limited else ""
     rest = f"only {flr.packets} packets outside of gaps, {least} are needed" if flr.packets < least else ""
 
-    def judged(name: str, share: float | None, doubt: str) -> Judgement:
+    def judge_share(name: str, share: float | None, doubt: str) -> Judgement:
         return _at_most(name, share, limits.flr, "", doubt or (rest if share is None or share <= limits.flr else ""))
 
     if flr.up is None:
-        yield judged(f"FLR, both ways ({loss.why})", flr.both, few or refused)
+        yield judge_share(f"FLR, both ways ({loss.why})", flr.both, few or rate_doubt)
     else:
-        yield judged("FLR up", flr.up, few or refused)
-        yield judged("FLR down", flr.down, few)
+        yield judge_share("FLR up", flr.up, few or rate_doubt)
+        yield judge_share("FLR down", flr.down, few)
 
 
 def _longest_gap(idle: TrainFigures, limits: QualifyProfile, span_s: float) -> Judgement:

@@ -26,7 +26,7 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     extended_size,
     unix_ns,
 )
-from atlantis_netcfg.links.qualify.samples import MessageEnded, StreamEnded
+from atlantis_netcfg.links.qualify.samples import MessageResult, StreamEnd
 from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
 
 if TYPE_CHECKING:
@@ -69,9 +69,9 @@ class MessagePlan:
         """How many, if nothing limits it."""
         return max(1, round(self.duration_s * self.rate_hz))
 
-    def due_ns(self, headers: int, *, authenticated: bool) -> int:
+    def due_ns(self, headers: int, *, is_authenticated: bool) -> int:
         """How long after a message the next one begins: not before its packets have left at their pace."""
-        room = chunk_room(self.packet, authenticated=authenticated)
+        room = chunk_room(self.packet, is_authenticated=is_authenticated)
         wire = self.size + -(-self.size // room) * (self.packet - room + headers)
         return round(SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
 
@@ -86,7 +86,7 @@ class _OpenMessage:
     questions: int = 0
     word: Acknowledgement | None = None
     error: int = 1
-    queued: int = 0
+    queue_length: int = 0
     """How many of its packets are still to be sent."""
 
 
@@ -103,20 +103,20 @@ class MessageStream:
     _origin: int = 0
     _begin: int = 0
     _sequence: int = 0
-    _started: int = 0
+    _started_count: int = 0
     _free_at: int = 0
     _queue: deque[tuple[_OpenMessage, int | None]] = field(default_factory=deque)
     """Chunks to send; None: only the question."""
     _open: dict[int, _OpenMessage] = field(default_factory=dict)
     _waits: list[tuple[int, int]] = field(default_factory=list)
     """A heap: when to look after which message; times that have moved are put right when they come up."""
-    _charged: dict[int, int] = field(default_factory=dict)
+    _charge_by_sequence: dict[int, int] = field(default_factory=dict)
     """Sequences that want an answer, with what was charged for it."""
 
     @property
     def chunk_size(self) -> int:
         """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
-        room = chunk_room(self.plan.packet, authenticated=self.peer.key is not None)
+        room = chunk_room(self.plan.packet, is_authenticated=self.peer.key is not None)
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
         return room
@@ -128,7 +128,7 @@ class MessageStream:
 
     @property
     def _base_size(self) -> int:
-        return extended_size(authenticated=self.peer.key is not None)
+        return extended_size(is_authenticated=self.peer.key is not None)
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -139,7 +139,7 @@ class MessageStream:
         """As `PacketStream` has it."""
         if self._queue:
             return self._free_at
-        dues = [self._starts(self._started)] if self._started < self.plan.messages else []
+        dues = [self._starts(self._started_count)] if self._started_count < self.plan.messages else []
         while self._waits:
             due, number = self._waits[0]
             message = self._open.get(number)
@@ -178,10 +178,10 @@ class MessageStream:
         return MessageChunk(message.number, size, index or 0, message.count, asks, data)
 
     def _start(self, now_ns: int) -> None:
-        while self._started < self.plan.messages and self._starts(self._started) <= now_ns:
-            message = _OpenMessage(self._started, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
-            self._open[self._started] = message
-            self._started += 1
+        while self._started_count < self.plan.messages and self._starts(self._started_count) <= now_ns:
+            message = _OpenMessage(self._started_count, -(-self.plan.size // self.chunk_size), last_sent=now_ns)
+            self._open[self._started_count] = message
+            self._started_count += 1
             if not self._queue:
                 self._free_at = max(self._free_at, now_ns)
             self._put(message, range(message.count))
@@ -194,7 +194,7 @@ class MessageStream:
             message = self._open.get(number)
             if message is None:
                 continue
-            if now_ns >= message.last_sent + self._patience(message) and not message.queued:
+            if now_ns >= message.last_sent + self._patience(message) and not message.queue_length:
                 self._ask(message, now_ns)
             if number in self._open:
                 due = max(now_ns + _WAIT_STEP, message.last_sent + self._patience(message))
@@ -212,12 +212,12 @@ class MessageStream:
     def _put(self, message: _OpenMessage, indexes: Iterable[int | None]) -> None:
         for index in indexes:
             self._queue.append((message, index))
-            message.queued += 1
+            message.queue_length += 1
 
-    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
         message, _ = self._queue.popleft()
-        message.queued -= 1
+        message.queue_length -= 1
         del error
         if message.sent_at < 0:
             message.sent_at = now_ns
@@ -225,7 +225,7 @@ class MessageStream:
         message.chunks_sent += 1
         self._sequence += 1
         if outgoing.answer:
-            self._charged[outgoing.sequence] = outgoing.answer
+            self._charge_by_sequence[outgoing.sequence] = outgoing.answer
         pace = self.plan.pace_bps
         wire = (outgoing.size + self.transport.headers) * 8
         step = 0 if pace is None else round(wire / pace * SECOND)
@@ -233,33 +233,33 @@ class MessageStream:
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
-        charged = self._charged.pop(packet.sender_sequence, 0)
+        charge = self._charge_by_sequence.pop(packet.sender_sequence, 0)
         for tlv in packet.tlvs:
             if tlv.type == CHUNK and not tlv.flags:
                 word = Acknowledgement.decode(tlv.value)
                 message = self._open.get(word.message)
                 if message is not None:
                     message.word, message.error = word, packet.error
-                    self._acknowledged(message, word, arrival.at_ns)
-        return charged
+                    self._process_acknowledgement(message, word, arrival.at_ns)
+        return charge
 
-    def _acknowledged(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
+    def _process_acknowledgement(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
         if not word.missing:
             self._finish(message, at_ns)
-        elif self.plan.resend and not message.queued:
+        elif self.plan.resend and not message.queue_length:
             message.questions = 0
             self._put(message, word.indexes)
-        elif message.questions and not message.queued:
+        elif message.questions and not message.queue_length:
             self._finish(message)  # the question left after every packet: what is missing now is lost
 
     def _finish(self, message: _OpenMessage, at_ns: int | None = None, *, in_flight: bool = False) -> None:
         word = message.word
-        arrived = word is not None and word.first != 0
+        has_arrived = word is not None and word.first != 0
         del self._open[message.number]
         if message.sent_at < 0:
             return
         self.write(
-            MessageEnded(
+            MessageResult(
                 self.name,
                 message.number,
                 self.plan.size,
@@ -268,11 +268,11 @@ class MessageStream:
                 message.sent_at - self._origin,
                 None if at_ns is None else at_ns - self._origin,
                 None if word is None else word.size,
-                unix_ns(word.first, message.error) if word is not None and arrived else None,
-                unix_ns(word.last, message.error) if word is not None and arrived else None,
+                unix_ns(word.first, message.error) if word is not None and has_arrived else None,
+                unix_ns(word.last, message.error) if word is not None and has_arrived else None,
                 in_flight=in_flight,
                 chunk_size=self.chunk_size,
-                due_ns=self.plan.due_ns(self.transport.headers, authenticated=self.peer.key is not None),
+                due_ns=self.plan.due_ns(self.transport.headers, is_authenticated=self.peer.key is not None),
             )
         )
 
@@ -280,4 +280,4 @@ class MessageStream:
         """As `PacketStream` has it."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
-        self.write(StreamEnded(self.name, now_ns - self._origin, reason))
+        self.write(StreamEnd(self.name, now_ns - self._origin, reason))

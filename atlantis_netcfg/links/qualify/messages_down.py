@@ -28,7 +28,7 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     extended_size,
     unix_ns,
 )
-from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded, StreamEnded
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult, StreamEnd
 from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
 
 if TYPE_CHECKING:
@@ -38,15 +38,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
 
-_BASE: Final = extended_size(authenticated=True)
+_BASE: Final = extended_size(is_authenticated=True)
 _STATUS_SIZE: Final = _BASE + REQUEST_SIZE
 """Of a request, and of the status that answers it."""
 
 
 def requested_bytes(plan: MessagePlan, headers: int) -> int:
     """Give what requested messages put on the wire where nothing is lost, both ways together, as a preview needs it."""
-    chunks = -(-plan.size // chunk_room(plan.packet, authenticated=True))
-    message = plan.size + chunks * (plan.packet - chunk_room(plan.packet, authenticated=True) + headers)
+    chunks = -(-plan.size // chunk_room(plan.packet, is_authenticated=True))
+    message = plan.size + chunks * (plan.packet - chunk_room(plan.packet, is_authenticated=True) + headers)
     question = _STATUS_SIZE + headers
     return 2 * question + plan.messages * (question + message)
 
@@ -62,7 +62,7 @@ class _AwaitedMessage:
     """When to ask for it again, or to give it up."""
     questions: int = 0
     requests: int = 0
-    requested: int = 0
+    requested_chunks: int = 0
     """Chunks, each as often as it was requested."""
     status: RequestStatus | None = None
     have: set[int] = field(default_factory=set)
@@ -97,13 +97,13 @@ class DownMessageStream:
     _sequence: int = 0
     _far_free_at: int = 0
     """When the far end has sent all that was requested, as far as its pace goes: one message after the other."""
-    _started: int = 0
+    _started_count: int = 0
     _token: bytes | None = None
     _queue: deque[_ChunkRequest] = field(default_factory=deque)
     _open: dict[int, _AwaitedMessage] = field(default_factory=dict)
     _requests: dict[int, _ChunkRequest] = field(default_factory=dict)
     """By their sequence."""
-    _taken: set[tuple[int, int]] = field(default_factory=set)
+    _accepted_chunks: set[tuple[int, int]] = field(default_factory=set)
     """Sequence of the request, and chunk (-1: the status): a second one is a copy."""
 
     def __post_init__(self) -> None:
@@ -114,7 +114,7 @@ class DownMessageStream:
 
     @property
     def _room(self) -> int:
-        return chunk_room(self.plan.packet, authenticated=True)
+        return chunk_room(self.plan.packet, is_authenticated=True)
 
     @property
     def _chunks(self) -> int:
@@ -128,7 +128,7 @@ class DownMessageStream:
 
     @property
     def _due_ns(self) -> int:
-        return self.plan.due_ns(self.transport.headers, authenticated=True)
+        return self.plan.due_ns(self.transport.headers, is_authenticated=True)
 
     def _chunk_size(self, index: int) -> int:
         """The UDP payload that brings this chunk."""
@@ -138,7 +138,7 @@ class DownMessageStream:
         """As `PacketStream` has it. The first message begins when the reflector has given its token."""
         self._origin, self._begin = origin_ns, self.transport.now_ns()
         self._open[0] = first = _AwaitedMessage(0, self._begin)
-        self._started = 1
+        self._started_count = 1
         self._put(_ChunkRequest(first))
 
     def due_ns(self) -> int | None:
@@ -146,8 +146,8 @@ class DownMessageStream:
         if self._queue:
             return self._begin
         dues = [message.until for message in self._open.values()]
-        if self._token is not None and self._started < self.plan.messages:
-            dues.append(self._starts(self._started))
+        if self._token is not None and self._started_count < self.plan.messages:
+            dues.append(self._starts(self._started_count))
         return min(dues, default=None)
 
     def _starts(self, number: int) -> int:
@@ -155,9 +155,13 @@ class DownMessageStream:
 
     def next_packet(self, now_ns: int) -> Outgoing | None:
         """As `PacketStream` has it."""
-        while self._token is not None and self._started < self.plan.messages and self._starts(self._started) <= now_ns:
-            self._open[self._started] = message = _AwaitedMessage(self._started, now_ns)
-            self._started += 1
+        while (
+            self._token is not None
+            and self._started_count < self.plan.messages
+            and self._starts(self._started_count) <= now_ns
+        ):
+            self._open[self._started_count] = message = _AwaitedMessage(self._started_count, now_ns)
+            self._started_count += 1
             self._put(_ChunkRequest(message, 0, self._chunks))
         for message in [*self._open.values()]:
             if message.until <= now_ns:
@@ -196,7 +200,7 @@ class DownMessageStream:
             ends = age_s >= self.plan.give_up_s
         else:
             status = message.status
-            is_sent = message.size > 0 or (status is not None and status.sent >= self._chunks)
+            is_sent = message.size > 0 or (status is not None and status.sent_chunks >= self._chunks)
             ends = is_sent or message.questions >= QUESTIONS or message.requests > QUESTIONS
         if ends:
             self._finish(message)
@@ -207,7 +211,7 @@ class DownMessageStream:
             message.questions += 1
             self._put(_ChunkRequest(message))
 
-    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take brings nothing, like what is lost."""
         del error
         request = self._queue.popleft()
@@ -216,7 +220,7 @@ class DownMessageStream:
         self._far_free_at = max(self._far_free_at, until)
         if request.count:
             message.requests += 1
-            message.requested += request.count
+            message.requested_chunks += request.count
             if not message.size:
                 message.sent_at = now_ns
         self._requests[outgoing.sequence] = request
@@ -227,23 +231,23 @@ class DownMessageStream:
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
-        charged = 0
+        charge = 0
         request = self._requests[packet.sender_sequence]
         for tlv in packet.tlvs:
             if tlv.type == CHUNK and not tlv.flags:
                 chunk = MessageChunk.decode(tlv.value)
                 is_asked = request.first <= chunk.index < request.first + request.count
                 if is_asked and self._is_first(packet.sender_sequence, chunk.index):
-                    charged = self._chunk_size(chunk.index)
+                    charge = self._chunk_size(chunk.index)
                     self._take(request.message, chunk, arrival.at_ns, unix_ns(packet.timestamp, packet.error))
             elif tlv.type == REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
-                charged = _STATUS_SIZE
+                charge = _STATUS_SIZE
                 self._accept_status(request, RequestStatus.decode(tlv.value))
-        return charged
+        return charge
 
     def _is_first(self, sequence: int, index: int) -> bool:
-        is_first = (sequence, index) not in self._taken
-        self._taken.add((sequence, index))
+        is_first = (sequence, index) not in self._accepted_chunks
+        self._accepted_chunks.add((sequence, index))
         return is_first
 
     def _accept_status(self, request: _ChunkRequest, status: RequestStatus) -> None:
@@ -260,8 +264,8 @@ class DownMessageStream:
         message.status = status
         # A reflector that refuses requests is not asked for ever; a question waits for its time.
         is_patient = not request.count or message.requests <= QUESTIONS
-        was_lost = self.plan.resend and status.sent >= self._chunks
-        if not message.size and is_patient and (was_lost or not status.sent):
+        was_lost = self.plan.resend and status.sent_chunks >= self._chunks
+        if not message.size and is_patient and (was_lost or not status.sent_chunks):
             self._put(_ChunkRequest(message, 0, self._chunks))
 
     def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int, far_sent_ns: int) -> None:
@@ -287,14 +291,14 @@ class DownMessageStream:
         whole = len(message.have) == self._chunks
         # The sample has times since 1970, on the clock of whoever counted: here that is this computer.
         to_unix = self.transport.unix_ns() - self.transport.now_ns()
-        is_known = message.size > 0 or (message.status is not None and message.status.sent > 0)
+        is_known = message.size > 0 or (message.status is not None and message.status.sent_chunks > 0)
         self.write(
-            MessageEnded(
+            MessageResult(
                 self.name,
                 message.number,
                 self.plan.size,
                 self._chunks,
-                message.requested,
+                message.requested_chunks,
                 message.sent_at - self._origin,
                 message.last_at - self._origin if whole else None,
                 message.size if is_known else None,
@@ -313,7 +317,7 @@ class DownMessageStream:
         """As `PacketStream` has it. What was requested still comes, although nobody counts it any more."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
-        self.write(StreamEnded(self.name, now_ns - self._origin, reason))
+        self.write(StreamEnd(self.name, now_ns - self._origin, reason))
 
 
 def _ranges(indexes: list[int]) -> list[tuple[int, int]]:

@@ -78,61 +78,61 @@ class _MtuProbe:
     sequence: int = 0
     _rtt_s: float = 0.0
     """The longest up to now; 0: nothing was answered."""
-    _awaited: dict[int, tuple[int, bool, int, int]] = field(default_factory=dict)
+    _pending_probes: dict[int, tuple[int, bool, int, int]] = field(default_factory=dict)
     """By sequence: size, whether the way there alone is measured, what was charged for the answer, when it was sent."""
 
     def passes(self, size: int, *, up_only: bool) -> bool:
         """Whether packets of this size pass; what is heard of it in a gap is not believed."""
         end = self.transport.now_ns() + round(self.patience_s * _SECOND)
         if not self._rtt_s:
-            self._answered(self._short(), self.timeout_s, up_only=up_only)
+            self._probe(self._short(), self.timeout_s, up_only=up_only)
         if self._any_answered(size, up_only=up_only):
             return True
-        while not self._answered(self._short(), self.timeout_s, up_only=up_only):
+        while not self._probe(self._short(), self.timeout_s, up_only=up_only):
             if self.transport.now_ns() >= end:
                 raise _NoAnswer
         return self._any_answered(size, up_only=up_only)
 
     def _any_answered(self, size: int, *, up_only: bool) -> bool:
         wait_s = min(self.timeout_s, 2 * self._rtt_s + _SPARE_S) if self._rtt_s else self.timeout_s
-        return any(self._answered(size, wait_s, up_only=up_only) for _ in range(_TRIES))
+        return any(self._probe(size, wait_s, up_only=up_only) for _ in range(_TRIES))
 
     def _short(self) -> int:
-        base = extended_size(authenticated=self.peer.key is not None)
+        base = extended_size(is_authenticated=self.peer.key is not None)
         return base + ACKNOWLEDGEMENT_SIZE + self.headers
 
-    def _answered(self, size: int, wait_s: float, *, up_only: bool) -> bool:
+    def _probe(self, size: int, wait_s: float, *, up_only: bool) -> bool:
         payload = size - self.headers
         tlvs = self._extensions(payload, up_only=up_only)
         answer = self._short() - self.headers if up_only else payload
         if not self.guard.admit(payload, answer):
             raise _OutOfBudget
-        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        error = error_estimate(self.peer.clock_error_s, is_synced=self.peer.is_synchronised)
         packet = SenderPacket(self.sequence, ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
         self.sequence += 1
         now = self.transport.now_ns()
-        self._awaited[packet.sequence] = (size, up_only, answer, now)
+        self._pending_probes[packet.sequence] = (size, up_only, answer, now)
         end = now + round(wait_s * _SECOND)
-        refused = self.transport.send(packet.encode(self.peer.key))
-        while not refused and (arrival := self.transport.receive(end)) is not None:
+        send_error = self.transport.send(packet.encode(self.peer.key))
+        while not send_error and (arrival := self.transport.receive(end)) is not None:
             try:
                 reply = decode_reflector(arrival.datagram, self.peer.key)
             except BadPacket:
                 self.guard.count(len(arrival.datagram), 0)
                 continue
-            named = reply.session_id in {self.session_id, 0}
-            sent = self._awaited.pop(reply.sender_sequence, None) if named else None
-            self.guard.count(len(arrival.datagram), 0 if sent is None else sent[2])
-            if sent is not None:
-                self._rtt_s = max(self._rtt_s, (arrival.at_ns - sent[3]) / _SECOND)
-                if sent[:2] == (size, up_only):
+            is_ours = reply.session_id in {self.session_id, 0}
+            probe = self._pending_probes.pop(reply.sender_sequence, None) if is_ours else None
+            self.guard.count(len(arrival.datagram), 0 if probe is None else probe[2])
+            if probe is not None:
+                self._rtt_s = max(self._rtt_s, (arrival.at_ns - probe[3]) / _SECOND)
+                if probe[:2] == (size, up_only):
                     return up_only or len(arrival.datagram) == payload
         return False
 
     def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:
         if not up_only:
-            return padding(payload, authenticated=self.peer.key is not None)
-        base = extended_size(authenticated=self.peer.key is not None)
+            return padding(payload, is_authenticated=self.peer.key is not None)
+        base = extended_size(is_authenticated=self.peer.key is not None)
         chunk = MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
         return (Tlv(CHUNK, chunk.ljust(payload - base - TLV_SIZE, b"\0")),)
 
@@ -151,8 +151,8 @@ def path_mtu(  # noqa: PLR0913 - each has its name where it is given
 
     `headers`: those that count for the size, where a tunnel puts more around each packet.
     """
-    counted = transport.headers if headers is None else headers
-    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, counted, secrets.randbelow(65535) + 1)
+    header_bytes = transport.headers if headers is None else headers
+    probe = _MtuProbe(transport, peer, guard, timeout_s, patience_s, header_bytes, secrets.randbelow(65535) + 1)
     up = both = None
     try:
         if peer.counts:

@@ -30,10 +30,10 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     is_synchronised,
 )
 from atlantis_netcfg.links.qualify.samples import (
-    MessageEnded,
+    CounterSample,
+    MessageResult,
     PacketSent,
-    ReflectorCounted,
-    ReplyReceived,
+    ReplySample,
     TrainBegan,
     read,
 )
@@ -122,23 +122,25 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
     begin = next((sample for sample in idle if isinstance(sample, TrainBegan)), None)
     pairs = responses.answered_packets(
         [sample for sample in idle if isinstance(sample, PacketSent)],
-        [sample for sample in idle if isinstance(sample, ReplyReceived)],
+        [sample for sample in idle if isinstance(sample, ReplySample)],
     )
     if begin is None or len(pairs) < _FEWEST:
         raise NoProfile(
             f"run {run.id} cannot be replayed: {len(pairs)} packets of its train `{IDLE}` were answered",
             hint=f"take a run in which at least {_FEWEST} were",
         )
-    known = responses.packets_of_known_fate(idle, begin)
-    silences = responses.find_silences(known, pairs, next((s for s in idle if isinstance(s, ReflectorCounted)), None))
+    known_packets = responses.packets_of_known_fate(idle, begin)
+    silences = responses.find_silences(
+        known_packets, pairs, next((s for s in idle if isinstance(s, CounterSample)), None)
+    )
     least_rtt = min(pair.rtt for pair in pairs) / _SECOND
     gaps = tuple(_gap(silence, begin.interval_s, least_rtt) for silence in silences if responses.is_gap(silence, begin))
     loss_up, loss_down = _losses([s for s in silences if not responses.is_gap(s, begin)], len(pairs))
     up, down, split = _delays(begin, pairs)
-    counted = next((sample for sample in idle if isinstance(sample, ReflectorCounted)), None)
-    replies = sum(isinstance(sample, ReplyReceived) for sample in idle)
+    counters = next((sample for sample in idle if isinstance(sample, CounterSample)), None)
+    replies = sum(isinstance(sample, ReplySample) for sample in idle)
     by_number = sorted(pairs, key=lambda pair: pair.reflector_sequence)
-    by_arrival = sorted(pairs, key=lambda pair: pair.arrived)
+    by_arrival = sorted(pairs, key=lambda pair: pair.arrived_at_ns)
     late_up = _overtaken([(pair.sequence, pair.sequence) for pair in by_number])
     late_down = _overtaken([(pair.reflector_sequence, pair.sequence) for pair in by_arrival])
     rate_up, rate_down = _rates(all_samples, begin.headers)
@@ -148,13 +150,13 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
         link=run.link,
         kind=run.kind,
         emulated=run.emulated,
-        recorded_s=(known[-1].sent_at_ns - known[0].sent_at_ns) / _SECOND + begin.interval_s,
+        recorded_s=(known_packets[-1].sent_at_ns - known_packets[0].sent_at_ns) / _SECOND + begin.interval_s,
         interval_s=begin.interval_s,
         packet_octets=begin.size + begin.headers,
         packets=len(pairs),
         split=split,
         up=_direction(
-            up, late_up, loss_up, (counted.duplicates if counted else 0) / len(pairs), rate_up, run.path_mtu_up
+            up, late_up, loss_up, (counters.duplicates if counters else 0) / len(pairs), rate_up, run.path_mtu_up
         ),
         down=_direction(down, late_down, loss_down, (replies - len(pairs)) / len(pairs), rate_down, run.path_mtu_both),
         gaps=gaps,
@@ -163,36 +165,36 @@ def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
 
 def _gap(silence: Silence, interval_s: float, least_rtt_s: float) -> ProfileGap:
     """Say how long the link was silent; a gap both ways also takes the answers to what was sent just before it."""
-    lasted, down = silence.packets * interval_s, silence.down
+    duration_s, down = silence.packets * interval_s, silence.down
     few = responses.LEAST_GAP_PACKETS - 1
     if down == 0:
-        return ProfileGap(seconds=lasted, up=True, down=False)
+        return ProfileGap(seconds=duration_s, up=True, down=False)
     if down is not None and silence.packets - down <= few < down:
-        return ProfileGap(seconds=lasted, up=False, down=True)
+        return ProfileGap(seconds=duration_s, up=False, down=True)
     answers_s = least_rtt_s / 2 if down is None else min(down * interval_s, least_rtt_s / 2)
-    return ProfileGap(seconds=max(interval_s, lasted - answers_s), up=True, down=True)
+    return ProfileGap(seconds=max(interval_s, duration_s - answers_s), up=True, down=True)
 
 
-def _losses(silences: Sequence[Silence], answered: int) -> tuple[float, float]:
+def _losses(silences: Sequence[Silence], answered_count: int) -> tuple[float, float]:
     """Shares up and down. Where the way is not known, each way has lost the same share."""
-    lost = sum(silence.packets for silence in silences)
+    lost_count = sum(silence.packets for silence in silences)
     if any(silence.down is None for silence in silences):
-        share = 1 - math.sqrt(answered / (answered + lost))
+        share = 1 - math.sqrt(answered_count / (answered_count + lost_count))
         return share, share
     down = sum(silence.down or 0 for silence in silences)
-    return (lost - down) / (answered + lost), down / (answered + down)
+    return (lost_count - down) / (answered_count + lost_count), down / (answered_count + down)
 
 
 def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[int, float], dict[int, float], str]:
     """Give each answered packet's delay up and down by its number, and how the round trip was split."""
-    up = [(pair.received - begin.begin_ns - (pair.sent - begin.begin_at_ns)) / _SECOND for pair in pairs]
-    down = [(pair.arrived - begin.begin_at_ns - (pair.replied - begin.begin_ns)) / _SECOND for pair in pairs]
+    up = [(pair.received_ns - begin.begin_ns - (pair.sent_at_ns - begin.begin_at_ns)) / _SECOND for pair in pairs]
+    down = [(pair.arrived_at_ns - begin.begin_at_ns - (pair.replied_ns - begin.begin_ns)) / _SECOND for pair in pairs]
     numbers = [pair.sequence for pair in pairs]
     if begin.synchronised and all(is_synchronised(pair.error) for pair in pairs) and min(*up, *down) > 0:
         return dict(zip(numbers, up, strict=True)), dict(zip(numbers, down, strict=True)), "by both clocks"
-    drift = _drift([pair.sent / _SECOND for pair in pairs], [(u - d) / 2 for u, d in zip(up, down, strict=True)])
-    up = [value - drift * pair.sent / _SECOND for value, pair in zip(up, pairs, strict=True)]
-    down = [value + drift * pair.sent / _SECOND for value, pair in zip(down, pairs, strict=True)]
+    drift = _drift([pair.sent_at_ns / _SECOND for pair in pairs], [(u - d) / 2 for u, d in zip(up, down, strict=True)])
+    up = [value - drift * pair.sent_at_ns / _SECOND for value, pair in zip(up, pairs, strict=True)]
+    down = [value + drift * pair.sent_at_ns / _SECOND for value, pair in zip(down, pairs, strict=True)]
     half = (min(up) + min(down)) / 2
     return (
         {number: value - min(up) + half for number, value in zip(numbers, up, strict=True)},
@@ -211,12 +213,12 @@ def _drift(times_s: Sequence[float], differences_s: Sequence[float]) -> float:
 
 def _overtaken(arrivals: Sequence[tuple[int, int]]) -> set[int]:
     """Find who arrived after one that was sent later; `arrivals`: order of sending, and number, as they arrived."""
-    expected, found = -1, set()
+    highest_order, late_numbers = -1, set()
     for order, number in arrivals:
-        if order < expected:
-            found.add(number)
-        expected = max(expected, order)
-    return found
+        if order < highest_order:
+            late_numbers.add(number)
+        highest_order = max(highest_order, order)
+    return late_numbers
 
 
 def _direction(  # noqa: PLR0913, PLR0917 - all that is known of a direction
@@ -225,7 +227,7 @@ def _direction(  # noqa: PLR0913, PLR0917 - all that is known of a direction
     in_order = sorted(delay for number, delay in delays.items() if number not in late) or sorted(delays.values())
     overtaken = [delay for number, delay in delays.items() if number in late]
     return DirectionProfile(
-        delays_s=tuple(round(max(0.0, delay), 6) for delay in _thinned(in_order)),
+        delays_s=tuple(round(max(0.0, delay), 6) for delay in _thin_out(in_order)),
         loss=loss,
         duplicates=max(0.0, copies),
         reordered=len(overtaken) / len(delays),
@@ -235,16 +237,16 @@ def _direction(  # noqa: PLR0913, PLR0917 - all that is known of a direction
     )
 
 
-def _thinned(ordered: Sequence[float]) -> Sequence[float]:
+def _thin_out(sorted_values: Sequence[float]) -> Sequence[float]:
     """Keep as many percentiles, the least and the greatest among them."""
-    if len(ordered) <= _MOST_DELAYS:
-        return ordered
-    return [ordered[round(n * (len(ordered) - 1) / (_MOST_DELAYS - 1))] for n in range(_MOST_DELAYS)]
+    if len(sorted_values) <= _MOST_DELAYS:
+        return sorted_values
+    return [sorted_values[round(n * (len(sorted_values) - 1) / (_MOST_DELAYS - 1))] for n in range(_MOST_DELAYS)]
 
 
 def _rates(samples: Sequence[Sample], headers: int) -> tuple[float | None, float | None]:
     """Give the highest rates at which messages arrived, as they went over the wire: up and down."""
-    names = dict.fromkeys(sample.stream for sample in samples if isinstance(sample, MessageEnded))
+    names = dict.fromkeys(sample.stream for sample in samples if isinstance(sample, MessageResult))
     rates = {name: rate for name in names if (rate := _rate(samples, name, headers)) is not None}
     down = [rate for name, rate in rates.items() if name == _LOAD_DOWN]
     up = [rate for name, rate in rates.items() if name != _LOAD_DOWN]

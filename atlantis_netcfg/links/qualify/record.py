@@ -31,7 +31,7 @@ from atlantis_netcfg.links.qualify.grids import (
 from atlantis_netcfg.links.qualify.judgement import Judgement, QualifyProfile, judge
 from atlantis_netcfg.links.qualify.measured_run import MeasuredRun, Selection
 from atlantis_netcfg.links.qualify.messages import MessagePlan
-from atlantis_netcfg.links.qualify.samples import StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.samples import StreamEnd, TrainBegan
 from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.links.qualify.session import EndReason, TrainPlan
 from atlantis_netcfg.links.qualify.transfers import message_figures
@@ -52,7 +52,7 @@ _RATE: Final = re.compile(r"rate (\d+) (\S+)")
 _WITH_LOAD: Final = frozenset({Selection.THROUGHPUT, Selection.ALL})
 _UNDER_LOAD: Final = "buffer delay"
 """The criterion that needs a load."""
-BOUNDED: Final = "as much as the far end sends: the link may carry more"
+FAR_END_LIMIT: Final = "as much as the far end sends: the link may carry more"
 _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
 
@@ -161,17 +161,17 @@ def make_record(
         streams[sample.stream].append(sample)
     trains = {name: train_figures(mine, name) for name, mine in streams.items() if isinstance(mine[0], TrainBegan)}
     messages = {name: figures for name, mine in streams.items() if (figures := message_figures(mine, name)) is not None}
-    measured = _Measured(
+    run_streams = _RunStreams(
         run, trains, messages, {name: _reason(mine) for name, mine in streams.items()}, _headers(streams)
     )
-    idle, loaded = trains.get("idle"), trains.get("loaded")
+    idle, under_load = trains.get("idle"), trains.get("loaded")
     name, limits = thresholds or (run.thresholds_name, run.thresholds)
-    judgements = tuple(judge(idle, limits, loaded, messages.get("load up"))) if idle is not None else ()
-    load = tuple(measured.load())
+    judgements = tuple(judge(idle, limits, under_load, messages.get("load up"))) if idle is not None else ()
+    load = tuple(run_streams.load())
     if run.selection not in _WITH_LOAD:
         judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
-    ended = run.reason == EndReason.DONE and idle is not None and idle.reason == EndReason.DONE
-    whole = Verdict.PASS if ended else Verdict.INCONCLUSIVE
+    has_ended = run.reason == EndReason.DONE and idle is not None and idle.reason == EndReason.DONE
+    whole = Verdict.PASS if has_ended else Verdict.INCONCLUSIVE
     seconds = (run.ended - run.begun).total_seconds() if run.ended is not None else 0.0
     wire = run.sent_bytes + run.received_bytes
     return QualifyRecord(
@@ -180,12 +180,12 @@ def make_record(
         thresholds_name=name,
         thresholds=limits,
         idle=idle,
-        under_load=loaded,
-        rpm_under_load=loaded.rpm if loaded is not None else None,
+        under_load=under_load,
+        rpm_under_load=under_load.rpm if under_load is not None else None,
         load=load,
-        telemetry=tuple(measured.telemetry()),
-        images=tuple(measured.images()),
-        highest_rates=tuple(measured.highest_rates()),
+        telemetry=tuple(run_streams.telemetry()),
+        images=tuple(run_streams.images()),
+        highest_rates=tuple(run_streams.highest_rates()),
         wire_bytes=wire,
         mb_per_hour=wire / MB / seconds * _HOUR_S if seconds > 0 else None,
         judgements=judgements,
@@ -197,7 +197,7 @@ def make_record(
 
 def _reason(samples: Sequence[Sample]) -> str:
     """Why a stream ended."""
-    return next((sample.reason for sample in samples if isinstance(sample, StreamEnded)), "cut off")
+    return next((sample.reason for sample in samples if isinstance(sample, StreamEnd)), "cut off")
 
 
 def _headers(streams: Mapping[str, Sequence[Sample]]) -> int:
@@ -206,7 +206,7 @@ def _headers(streams: Mapping[str, Sequence[Sample]]) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class _Measured:
+class _RunStreams:
     """The streams of a run by their names."""
 
     run: MeasuredRun
@@ -221,13 +221,13 @@ class _Measured:
             figures, idle = self.messages.get(f"load {way}"), self.trains.get("idle")
             if figures is not None:
                 loss = 0.0 if idle is None else idle.flr.share_up if way == "up" else idle.flr.down or idle.flr.both
-                doubt = BOUNDED if figures.is_bounded else figures.doubt(loss)
+                doubt = FAR_END_LIMIT if figures.is_bounded else figures.doubt(loss)
                 yield LoadRow(
                     way,
                     figures.size,
-                    figures.sent,
-                    figures.received,
-                    figures.lost + figures.unknown,
+                    figures.sent_count,
+                    figures.received_count,
+                    figures.lost_count + figures.unknown,
                     figures.in_flight,
                     figures.receiver_bps,
                     figures.latency,
@@ -247,11 +247,11 @@ class _Measured:
                 yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
 
     def images(self) -> Iterable[MeasuredRate]:
-        known = {image.label: image for image in IMAGES}
+        image_by_label = {image.label: image for image in IMAGES}
         for name, figures in self.messages.items():
-            if (match := _IMAGE.fullmatch(name)) is not None and match[1] in known:
+            if (match := _IMAGE.fullmatch(name)) is not None and match[1] in image_by_label:
                 rate_hz, reference = float(match[2]), self._reference(figures.size)
-                row = image_row(known[match[1]], rate_hz, figures, reference or 0.0)
+                row = image_row(image_by_label[match[1]], rate_hz, figures, reference or 0.0)
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
     def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
@@ -301,45 +301,45 @@ class _Measured:
         """Go through the windows as the search did that measured them: it is judged anew, by the same rules."""
         first = next(iter(windows.values()))
 
-        def measured(rate_hz: float) -> MessageFigures | None:
+        def find_window(rate_hz: float) -> MessageFigures | None:
             # The names of streams have six digits of a rate.
-            return next((seen for rate, seen in windows.items() if isclose(rate, rate_hz, rel_tol=1e-4)), None)
+            return next((figures for rate, figures in windows.items() if isclose(rate, rate_hz, rel_tol=1e-4)), None)
 
-        found = sustained_rate(
+        search_result = sustained_rate(
             first.size,
-            measured,
+            find_window,
             idle_latency_s=reference,
             idle_loss=idle_loss,
             first_hz=min(windows),
         )
-        limited_by = found.limited_by
+        limited_by = search_result.limited_by
         if limited_by is RateLimit.BUDGET and self.run.reason == EndReason.DONE:
             limited_by = RateLimit.HIGHEST
-        hour_bytes = None if found.rate_hz is None else self._message_bytes(first.size, found.rate_hz)
+        hour_bytes = None if search_result.rate_hz is None else self._message_bytes(first.size, search_result.rate_hz)
         label = next((image.label for image in IMAGES if image.octets == first.size), f"{first.size} B")
         return HighestRate(
             first.size,
             label,
-            found.rate_hz,
+            search_result.rate_hz,
             limited_by,
-            found.is_proved,
+            search_result.is_proved,
             reference,
             None if hour_bytes is None else hour_bytes / MB,
             None if hour_bytes is None else self._price(hour_bytes),
-            tuple(_steps(found)),
+            tuple(_steps(search_result)),
         )
 
 
-def _steps(found: SustainedRate) -> Iterable[RateStep]:
-    for window in found.windows:
+def _steps(result: SustainedRate) -> Iterable[RateStep]:
+    for window in result.windows:
         figures = window.figures
         if figures is not None:
             latency = figures.latency
             yield RateStep(
                 window.rate_hz,
-                figures.sent - figures.in_flight,
-                figures.received,
+                figures.sent_count - figures.in_flight,
+                figures.received_count,
                 figures.loss,
                 None if latency is None else latency.p95,
-                "" if window.failed is None else window.failed.value,
+                "" if window.limit is None else window.limit.value,
             )

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.links.qualify.samples import PacketSent, ReplyReceived, StreamEnded
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReplySample, StreamEnd
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.links.qualify.samples import ReflectorCounted, Sample, TrainBegan
+    from atlantis_netcfg.links.qualify.samples import CounterSample, Sample, TrainBegan
 
 LEAST_GAP_PACKETS: Final = 3
 _LEAST_GAP_S: Final = 1.0
@@ -26,17 +26,17 @@ class AnsweredPacket:
     """A packet and its first answer."""
 
     sequence: int
-    sent: int
-    arrived: int
+    sent_at_ns: int
+    arrived_at_ns: int
     reflector_sequence: int
-    received: int
-    replied: int
+    received_ns: int
+    replied_ns: int
     error: int
 
     @property
     def rtt(self) -> int:
         """In nanoseconds, less the time at the reflector."""
-        return self.arrived - self.sent - (self.replied - self.received)
+        return self.arrived_at_ns - self.sent_at_ns - (self.replied_ns - self.received_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,9 +48,9 @@ class Silence:
     """How many of them the reflector had answered; None: not known."""
 
 
-def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived]) -> list[AnsweredPacket]:
+def answered_packets(packets: Sequence[PacketSent], replies: Sequence[ReplySample]) -> list[AnsweredPacket]:
     """Put packets and their first answers together, in the order of sending."""
-    first: dict[int, ReplyReceived] = {}
+    first: dict[int, ReplySample] = {}
     for reply in replies:
         first.setdefault(reply.sequence, reply)
     return [
@@ -63,39 +63,39 @@ def answered_packets(sent: Sequence[PacketSent], replies: Sequence[ReplyReceived
             answer.replied_ns,
             answer.reflector_error,
         )
-        for packet in sent
+        for packet in packets
         if (answer := first.get(packet.sequence)) is not None
     ]
 
 
 def packets_of_known_fate(samples: Sequence[Sample], begin: TrainBegan) -> list[PacketSent]:
     """Leave out packets that were under way when the run ended, and what this computer did not take."""
-    end = next((sample.ended_at_ns for sample in samples if isinstance(sample, StreamEnded)), None)
-    last_reply = max((s.arrived_at_ns for s in samples if isinstance(s, ReplyReceived)), default=0)
+    end = next((sample.ended_at_ns for sample in samples if isinstance(sample, StreamEnd)), None)
+    last_reply = max((s.arrived_at_ns for s in samples if isinstance(s, ReplySample)), default=0)
     fate_known = (last_reply if end is None else end) - round(begin.timeout_s * _SECOND)
-    answered = {sample.sequence for sample in samples if isinstance(sample, ReplyReceived)}
+    answered_sequences = {sample.sequence for sample in samples if isinstance(sample, ReplySample)}
     return [
         sample
         for sample in samples
         if isinstance(sample, PacketSent)
         and not sample.error
-        and (sample.sequence in answered or sample.sent_at_ns <= fate_known)
+        and (sample.sequence in answered_sequences or sample.sent_at_ns <= fate_known)
     ]
 
 
 def find_silences(
-    known: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], counted: ReflectorCounted | None
+    packets: Sequence[PacketSent], pairs: Sequence[AnsweredPacket], counters: CounterSample | None
 ) -> list[Silence]:
     """Find what was not answered, and on which way it was lost, by the reflector's own numbers (RFC 8762, 4.3.1)."""
     by_sequence = {pair.sequence: pair for pair in pairs}
-    lost = len(known) - len(pairs)
+    lost_count = len(packets) - len(pairs)
     numbers = [pair.reflector_sequence for pair in pairs]
-    copies = lost > 0 and all(pair.sequence == pair.reflector_sequence for pair in pairs)
+    copies = lost_count > 0 and all(pair.sequence == pair.reflector_sequence for pair in pairs)
     counts = len(set(numbers)) == len(numbers) and not copies
-    arrived = counted.received - counted.duplicates if counted is not None else None
+    arrived_count = counters.received - counters.duplicates if counters is not None else None
     result: list[Silence] = []
     before, length = -1, 0
-    for packet in known:
+    for packet in packets:
         pair = by_sequence.get(packet.sequence)
         if pair is None:
             length += 1
@@ -105,7 +105,7 @@ def find_silences(
             result.append(Silence(length, down if counts else None))
         before, length = pair.reflector_sequence, 0
     if length:
-        down_at_end = None if arrived is None or not counts else min(length, max(0, arrived - before - 1))
+        down_at_end = None if arrived_count is None or not counts else min(length, max(0, arrived_count - before - 1))
         result.append(Silence(length, down_at_end))
     return result
 

@@ -54,7 +54,7 @@ class PacketSent:
 
 
 @dataclass(frozen=True, slots=True)
-class ReplyReceived:
+class ReplySample:
     """An answer came; the second one for the same packet is a copy."""
 
     stream: str
@@ -72,7 +72,7 @@ class ReplyReceived:
 
 
 @dataclass(frozen=True, slots=True)
-class ReflectorCounted:
+class CounterSample:
     """The reflector's own count of a train, after its end."""
 
     stream: str
@@ -91,7 +91,7 @@ class MessageDirection(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class MessageEnded:
+class MessageResult:
     """A message was sent in chunks, and this is what became of it. Down, the receiver is this computer."""
 
     stream: str
@@ -122,7 +122,7 @@ class MessageEnded:
 
 
 @dataclass(frozen=True, slots=True)
-class StreamEnded:
+class StreamEnd:
     """The end of a stream, and why: `done`, `stopped`, or the limit of the budget."""
 
     stream: str
@@ -130,14 +130,14 @@ class StreamEnded:
     reason: str
 
 
-Sample = TrainBegan | PacketSent | ReplyReceived | ReflectorCounted | MessageEnded | StreamEnded
+Sample = TrainBegan | PacketSent | ReplySample | CounterSample | MessageResult | StreamEnd
 _KINDS: Final[dict[str, type[Sample]]] = {
     "train": TrainBegan,
     "sent": PacketSent,
-    "reply": ReplyReceived,
-    "counted": ReflectorCounted,
-    "message": MessageEnded,
-    "end": StreamEnded,
+    "reply": ReplySample,
+    "counted": CounterSample,
+    "message": MessageResult,
+    "end": StreamEnd,
 }
 _NAMES: Final = {kind: name for name, kind in _KINDS.items()}
 

@@ -44,11 +44,11 @@ class RateLimit(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class RateWindow:
-    """What was seen at a rate; `failed`: why the link does not sustain it."""
+    """What was seen at a rate; `find_limit`: why the link does not sustain it."""
 
     rate_hz: float
     figures: MessageFigures | None
-    failed: RateLimit | None
+    limit: RateLimit | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +66,12 @@ class SustainedRate:
         return self.rate_hz is not None and self.limited_by not in {RateLimit.BUDGET, RateLimit.HIGHEST}
 
 
-def failed(figures: MessageFigures, idle_latency_s: float, idle_loss: float) -> RateLimit | None:
+def find_limit(figures: MessageFigures, idle_latency_s: float, idle_loss: float) -> RateLimit | None:
     """Judge a window against the link without load, which loses this share of packets; None: it is sustained."""
     if figures.delay_p95_s is None:
         return RateLimit.SILENCE
-    expected = (idle_loss + MAX_LOSS) * figures.packets
-    if figures.packets_lost > expected + SURE * math.sqrt(expected) + MIN_LOST:
+    expected_loss = (idle_loss + MAX_LOSS) * figures.packets
+    if figures.packets_lost > expected_loss + SURE * math.sqrt(expected_loss) + MIN_LOST:
         return RateLimit.LOSS
     if (figures.stretch or 0.0) > max(MAX_STRETCH, SURE * figures.stretch_error):
         return RateLimit.QUEUE
@@ -99,7 +99,7 @@ def sustained_rate(  # noqa: PLR0913 - each has its name where it is given
     halvings = 0
     while True:
         figures = measure(rate)
-        limit = RateLimit.BUDGET if figures is None else failed(figures, idle_latency_s, idle_loss)
+        limit = RateLimit.BUDGET if figures is None else find_limit(figures, idle_latency_s, idle_loss)
         windows.append(RateWindow(rate, figures, limit))
         if limit is RateLimit.BUDGET:
             # A rate that was seen to fail is known, although the search for a better one did not end.

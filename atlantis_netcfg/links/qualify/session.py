@@ -25,7 +25,7 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.samples import CounterSample, PacketSent, ReplySample, StreamEnd, TrainBegan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -72,7 +72,7 @@ class ReflectorPeer:
 
     key: bytes | None
     """None: unauthenticated, for reflectors of others."""
-    synchronised: bool = False
+    is_synchronised: bool = False
     """Whether this computer's clock is; absolute one-way delays need both."""
     clock_error_s: float = 1.0
     counts: bool = True
@@ -94,7 +94,7 @@ class PacketStream(Protocol):
     def next_packet(self, now_ns: int) -> Outgoing | None:
         """What it sends now; None: nothing yet."""
 
-    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """The packet was handed over, or (`error`) was not."""
 
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
@@ -133,11 +133,11 @@ class Train:
     _origin: int = 0
     _begin: int | None = None
     _number: int = 0
-    _answered: set[int] = field(default_factory=set)
+    _answered_sequences: set[int] = field(default_factory=set)
     _requests: int = 0
-    _counted: bool = False
+    _has_counters: bool = False
     _next: int = 0
-    _ended: bool = False
+    _has_ended: bool = False
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -155,29 +155,29 @@ class Train:
                 plan.timeout_s,
                 self.transport.headers,
                 authenticated=peer.key is not None,
-                synchronised=peer.synchronised,
+                synchronised=peer.is_synchronised,
             )
         )
 
     def due_ns(self) -> int | None:
         """As `PacketStream` has it."""
-        return None if self._ended else self._next
+        return None if self._has_ended else self._next
 
     def next_packet(self, now_ns: int) -> Outgoing | None:
         """The next of the train; after its last, and the time for answers, a question for the reflector's counters."""
         plan = self.plan
         if self._number < plan.packets:
             size = plan.size
-            return Outgoing(padding(size, authenticated=self.peer.key is not None), size, size, self._number)
-        asks = self.peer.counts and not self._counted and self._requests < _COUNTER_REQUESTS
+            return Outgoing(padding(size, is_authenticated=self.peer.key is not None), size, size, self._number)
+        asks = self.peer.counts and not self._has_counters and self._requests < _COUNTER_REQUESTS
         if now_ns < self._next or not asks:
-            self._ended = now_ns >= self._next
+            self._has_ended = now_ns >= self._next
             return None
         tlvs = (Tlv(COUNTERS, bytes(16)),)
         size = len(SenderPacket(0, 0, 1, 1, tlvs).encode(self.peer.key))
         return Outgoing(tlvs, size, size, plan.packets + self._requests)
 
-    def sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it."""
         plan = self.plan
         if self._number < plan.packets:
@@ -195,20 +195,20 @@ class Train:
     def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
         sequence = packet.sender_sequence
-        is_copy = sequence in self._answered
-        self._answered.add(sequence)
-        if self._number == len(self._answered) == self.plan.packets:
+        is_copy = sequence in self._answered_sequences
+        self._answered_sequences.add(sequence)
+        if self._number == len(self._answered_sequences) == self.plan.packets:
             self._next = min(self._next, arrival.at_ns)  # no answer is awaited any more
         if sequence >= self.plan.packets:
             self._accept_counters(packet)
             return 0 if is_copy else len(arrival.datagram)
         self.write(
-            ReplyReceived(
+            ReplySample(
                 self.name,
                 sequence,
                 arrival.at_ns - self._origin,
                 packet.sequence,
-                unix_ns(packet.received, packet.error),
+                unix_ns(packet.receive_timestamp, packet.error),
                 unix_ns(packet.timestamp, packet.error),
                 len(arrival.datagram),
                 arrival.ttl,
@@ -219,18 +219,22 @@ class Train:
 
     def _accept_counters(self, packet: ReflectorPacket) -> None:
         for tlv in packet.tlvs:
-            if tlv.type == COUNTERS and not tlv.flags and not self._counted:
-                self._counted, self._ended = True, True
+            if tlv.type == COUNTERS and not tlv.flags and not self._has_counters:
+                self._has_counters, self._has_ended = True, True
                 counters = ReflectorCounters.decode(tlv.value)
                 self.write(
-                    ReflectorCounted(
-                        self.name, counters.received, counters.duplicates, counters.limited, counters.answered
+                    CounterSample(
+                        self.name,
+                        counters.received_count,
+                        counters.duplicates,
+                        counters.limited_count,
+                        counters.answered_count,
                     )
                 )
 
     def end(self, now_ns: int, reason: str) -> None:
         """As `PacketStream` has it."""
-        self.write(StreamEnded(self.name, now_ns - self._origin, reason))
+        self.write(StreamEnd(self.name, now_ns - self._origin, reason))
 
 
 def run(
@@ -246,11 +250,11 @@ def run(
     KeyboardInterrupt stops it as well: what was measured is kept, and what is under way is neither received nor lost.
     """
     origin = transport.now_ns()
-    taken: set[int] = set()
+    used_ids: set[int] = set()
     for stream in streams:
-        while stream.session_id in taken:
+        while stream.session_id in used_ids:
             stream.session_id = secrets.randbelow(65535) + 1
-        taken.add(stream.session_id)
+        used_ids.add(stream.session_id)
         stream.begin(origin)
     under_way = _RunningStreams(transport, peer, streams, guard)
     try:
@@ -305,12 +309,12 @@ class _RunningStreams:
             return
         if not self.guard.admit(outgoing.size, outgoing.answer, outgoing.answers, outgoing.answer_s):
             return
-        error = error_estimate(self.peer.clock_error_s, synchronised=self.peer.synchronised)
+        error = error_estimate(self.peer.clock_error_s, is_synced=self.peer.is_synchronised)
         stamp = ntp(self.transport.unix_ns())
         packet = SenderPacket(outgoing.sequence, stamp, error, stream.session_id, outgoing.tlvs)
         if outgoing.answer:
             self.stamps[stream.session_id, outgoing.sequence] = stamp
-        stream.sent(outgoing, now, self.transport.send(packet.encode(self.peer.key)))
+        stream.mark_sent(outgoing, now, self.transport.send(packet.encode(self.peer.key)))
 
     def _receive(self, until_ns: int) -> bool:
         """Take one datagram; False: none came until then. What is no answer to a packet of this run only costs."""
@@ -326,10 +330,10 @@ class _RunningStreams:
             packet = decode_reflector(arrival.datagram, self.peer.key)
             for stream in self.streams:
                 # A reflector of RFC 8762 alone answers with 0 where a session's identifier would stand.
-                named = packet.session_id == stream.session_id or not (packet.session_id or self.peer.counts)
+                is_ours = packet.session_id == stream.session_id or not (packet.session_id or self.peer.counts)
                 # Both directions have one key: our own packet that comes back is no answer, and lacks the stamp.
                 stamp = self.stamps.get((stream.session_id, packet.sender_sequence))
-                if named and stamp == packet.sender_timestamp:
+                if is_ours and stamp == packet.sender_timestamp:
                     return stream.accept(packet, arrival)
         except BadPacket:
             pass

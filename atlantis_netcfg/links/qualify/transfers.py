@@ -8,7 +8,7 @@ from statistics import fmean, linear_regression, median
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.links.qualify.figures import percentile, percentiles
-from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _SECOND: Final = 1_000_000_000
 _FEWEST: Final = 3
 """Of fewer messages nobody can say how sure it is that a queue grows."""
-_KEPT: Final = 0.97
+_FULL_SHARE: Final = 0.97
 """Of what was to be offered: less does not fill a link that carries as much. Of what was offered: more is all of it."""
 _NEAR: Final = 0.75
 """Of a limit with headers: so much of it is goodput at least where the limit is reached."""
@@ -31,13 +31,13 @@ class MessageFigures:
 
     size: int
     chunks: int
-    sent: int
-    received: int
+    sent_count: int
+    received_count: int
     """The receiver said that it has all of them."""
     in_flight: int
     unknown: int
     """Not one word of the receiver came: they may have arrived."""
-    lost: int
+    lost_count: int
     latency: Percentiles | None
     """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
     receiver_bps: float | None
@@ -63,12 +63,12 @@ class MessageFigures:
 
     def doubt(self, loss: float) -> str:
         """Why the goodput is no figure of a link that loses this share without load; empty: the load filled it."""
-        offered, planned = self.offered_bps, self.planned_bps
-        if offered is None or planned is None:
+        offered_bps, planned_bps = self.offered_bps, self.planned_bps
+        if offered_bps is None or planned_bps is None:
             return "what was offered is not known"
-        if offered < _KEPT * planned:
-            return f"the sender fell behind: it offered {offered / 1000:.0f} of {planned / 1000:.0f} kbit/s"
-        if (self.receiver_bps or 0.0) > _KEPT * (1 - loss) * offered:
+        if offered_bps < _FULL_SHARE * planned_bps:
+            return f"the sender fell behind: it offered {offered_bps / 1000:.0f} of {planned_bps / 1000:.0f} kbit/s"
+        if (self.receiver_bps or 0.0) > _FULL_SHARE * (1 - loss) * offered_bps:
             return "nothing queued: the link carried all that was offered"
         return ""
 
@@ -81,105 +81,107 @@ class MessageFigures:
     @property
     def loss(self) -> float:
         """Lost and unknown ones of those that are not in flight."""
-        known = self.sent - self.in_flight
-        return (self.lost + self.unknown) / known if known else 0.0
+        known_count = self.sent_count - self.in_flight
+        return (self.lost_count + self.unknown) / known_count if known_count else 0.0
 
 
 def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | None:
     """Make the figures of one stream; None: it has sent no message."""
-    ended = sorted(
-        (sample for sample in samples if isinstance(sample, MessageEnded) and sample.stream == stream),
+    results = sorted(
+        (sample for sample in samples if isinstance(sample, MessageResult) and sample.stream == stream),
         key=lambda sample: sample.message,
     )
-    if not ended:
+    if not results:
         return None
-    ended_ones = [message for message in ended if not message.in_flight]
-    whole = [message for message in ended if message.acknowledged_at_ns is not None]
-    in_flight = sum(1 for message in ended if message.in_flight)
-    unknown = sum(1 for message in ended if not message.in_flight and message.received_size is None)
+    ended_ones = [message for message in results if not message.in_flight]
+    whole = [message for message in results if message.acknowledged_at_ns is not None]
+    in_flight = sum(1 for message in results if message.in_flight)
+    unknown = sum(1 for message in results if not message.in_flight and message.received_size is None)
     delays = [(m.sent_at_ns / _SECOND, (m.last_ns - m.sent_at_ns) / _SECOND) for m in ended_ones if m.last_ns]
     least = min((delay for _, delay in delays), default=0.0)
     above = percentiles(delay - least for _, delay in delays)
     stretch, stretch_error = _stretch(delays)
-    offered_bps, planned_bps = _offered_bps(ended)
+    offered_bps, planned_bps = _offered_bps(results)
     return MessageFigures(
-        size=ended[0].size,
-        chunks=ended[0].chunks,
-        sent=len(ended),
-        received=len(whole),
+        size=results[0].size,
+        chunks=results[0].chunks,
+        sent_count=len(results),
+        received_count=len(whole),
         in_flight=in_flight,
         unknown=unknown,
-        lost=len(ended) - len(whole) - in_flight - unknown,
+        lost_count=len(results) - len(whole) - in_flight - unknown,
         latency=percentiles(_latencies(whole)),
-        receiver_bps=_receiver_bps(ended),
-        busy_bps=_busy_bps(ended),
+        receiver_bps=_receiver_bps(results),
+        busy_bps=_busy_bps(results),
         packets=sum(message.chunks for message in ended_ones),
         packets_lost=sum(message.chunks - _arrived_packets(message) for message in ended_ones),
         delay_p95_s=None if above is None else above.p95,
         stretch=stretch,
         stretch_error=stretch_error,
-        far_rate_bps=next((message.far_rate_bps for message in ended if message.far_rate_bps is not None), None),
+        far_rate_bps=next((message.far_rate_bps for message in results if message.far_rate_bps is not None), None),
         offered_bps=offered_bps,
         planned_bps=planned_bps,
     )
 
 
-def _offered_bps(ended: Sequence[MessageEnded]) -> tuple[float | None, float | None]:
+def _offered_bps(results: Sequence[MessageResult]) -> tuple[float | None, float | None]:
     """From the first beginning of a message to the last one: what the sender offered, and what it was to."""
-    is_down = ended[0].direction == MessageDirection.DOWN
+    is_down = results[0].direction == MessageDirection.DOWN
     starts = [
         (message.message, start)
-        for message in ended
+        for message in results
         if (start := message.far_sent_ns if is_down else message.sent_at_ns) is not None
     ]
-    if ended[0].due_ns is None or len(starts) < 2:  # noqa: PLR2004 - a beginning and an end
+    if results[0].due_ns is None or len(starts) < 2:  # noqa: PLR2004 - a beginning and an end
         return None, None
     (first, begin), (last, end) = starts[0], starts[-1]
-    bits, due_ns = (last - first) * ended[0].size * 8 * _SECOND, (last - first) * ended[0].due_ns
+    bits, due_ns = (last - first) * results[0].size * 8 * _SECOND, (last - first) * results[0].due_ns
     return (bits / (end - begin), bits / due_ns) if end > begin else (None, None)
 
 
-def _receiver_bps(ended: Sequence[MessageEnded]) -> float | None:
+def _receiver_bps(results: Sequence[MessageResult]) -> float | None:
     """The first packet's octets are the fence post: the time begins when they are there.
 
     The last of several messages is left out: nobody says whether a sender that was stopped has ended it late.
     """
-    counted = ended[:-1] or ended
-    arrived = [message for message in counted if message.first_ns is not None and message.last_ns is not None]
-    if not arrived:
+    counted_results = results[:-1] or results
+    arrived_results = [
+        message for message in counted_results if message.first_ns is not None and message.last_ns is not None
+    ]
+    if not arrived_results:
         return None
-    first = min(message.first_ns or 0 for message in arrived)
-    last = max(message.last_ns or 0 for message in arrived)
-    octets = sum(message.received_size or 0 for message in arrived) - _first_chunk(arrived[0])
+    first = min(message.first_ns or 0 for message in arrived_results)
+    last = max(message.last_ns or 0 for message in arrived_results)
+    octets = sum(message.received_size or 0 for message in arrived_results) - _first_chunk(arrived_results[0])
     return octets * 8 * _SECOND / (last - first) if last > first and octets > 0 else None
 
 
-def _busy_bps(ended: Sequence[MessageEnded]) -> float | None:
+def _busy_bps(results: Sequence[MessageResult]) -> float | None:
     rates = sorted(
         (message.received_size - _first_chunk(message)) * 8 * _SECOND / (message.last_ns - message.first_ns)
-        for message in ended
+        for message in results
         if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
     )
     return percentile(rates, 0.5) if rates else None
 
 
-def _first_chunk(message: MessageEnded) -> int:
+def _first_chunk(message: MessageResult) -> int:
     """Its octets: the clock of a message begins when they are there."""
     octets = message.chunk_size if message.chunk_size is not None else -(-message.size // message.chunks)
     return min(octets, message.size)
 
 
-def _arrived_packets(message: MessageEnded) -> int:
+def _arrived_packets(message: MessageResult) -> int:
     return -(-(message.received_size or 0) // (message.chunk_size or -(-message.size // message.chunks)))
 
 
-def _latencies(whole: Sequence[MessageEnded]) -> list[float]:
+def _latencies(whole: Sequence[MessageResult]) -> list[float]:
     """Leave out the wait for a receiver's word that was lost: what it needs on the way back others tell."""
     times = [(m, (m.acknowledged_at_ns or 0) - m.sent_at_ns, (m.last_ns or 0) - m.sent_at_ns) for m in whole]
-    back = median(taken - there for _, taken, there in times) if times else 0
+    back = median(duration - there for _, duration, there in times) if times else 0
     return [
-        (taken if message.chunks_sent <= message.chunks else min(taken, there + back)) / _SECOND
-        for message, taken, there in times
+        (duration if message.chunks_sent <= message.chunks else min(duration, there + back)) / _SECOND
+        for message, duration, there in times
     ]
 
 
@@ -188,7 +190,7 @@ def _stretch(delays: Sequence[tuple[float, float]]) -> tuple[float | None, float
     if len(delays) < _FEWEST or delays[0][0] == delays[-1][0]:
         return None, 0.0
     slope, first = linear_regression(*zip(*delays, strict=True))
-    centre = fmean(sent for sent, _ in delays)
-    squares = sum((delay - first - slope * sent) ** 2 for sent, delay in delays)
-    spread = sum((sent - centre) ** 2 for sent, _ in delays)
+    centre = fmean(start for start, _ in delays)
+    squares = sum((delay - first - slope * start) ** 2 for start, delay in delays)
+    spread = sum((start - centre) ** 2 for start, _ in delays)
     return slope, math.sqrt(squares / (len(delays) - 2) / spread)

@@ -7,12 +7,12 @@ import socket
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched
+from atlantis_netcfg.core.errors import DeviceError, NoMatchError
 from atlantis_netcfg.core.packets import ECHO_BYTES
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Pilot, Transport
-from atlantis_netcfg.inventory.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed, far_end
+from atlantis_netcfg.inventory.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed_targets, far_end
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES
-from atlantis_netcfg.links.satellite import Expected, NamedTarget, SatelliteProbe
+from atlantis_netcfg.links.satellite import ExpectedOutcome, NamedTarget, SatelliteProbe
 from atlantis_netcfg.links.standing_traffic import NTP_BYTES
 from atlantis_netcfg.routeros.api import Command, Reply
 
@@ -57,7 +57,7 @@ class Task:
     address: str
     port: int | None
     transport: str
-    expected: Expected
+    expectation: ExpectedOutcome
     probe: SatelliteProbe
     why_not: str = ""
     """Why there is no way; of probe `none` only."""
@@ -72,10 +72,12 @@ def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) 
     it answers nobody who has no key, and a router has none.
     """
     how = _How(pilot, bearer.name, active, try_all)
-    measured = far_end(pilot)
-    reached = (_task(target, Expected.REACHED, how) for target in allowed(pilot, bearer) if target != measured)
-    refused = (_task(target, Expected.REFUSED, how) for target in bearer.refused_probes)
-    return (*reached, *refused)
+    far_target = far_end(pilot)
+    allowed_tasks = (
+        _task(target, ExpectedOutcome.REACHED, how) for target in allowed_targets(pilot, bearer) if target != far_target
+    )
+    blocked_tasks = (_task(target, ExpectedOutcome.REFUSED, how) for target in bearer.refused_probes)
+    return (*allowed_tasks, *blocked_tasks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,35 +109,42 @@ class _How:
         return target.port == NTP_PORT and target.address in servers
 
 
-def expected_bytes(planned: tuple[Task, ...], rounds: int) -> int:
+def expected_bytes(all_tasks: tuple[Task, ...], rounds: int) -> int:
     """What is sent and received at most; what is only counted costs nothing more than it does anyway."""
-    return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in planned)
+    return sum(_ROUND_BYTES.get(task.probe, 0) * rounds for task in all_tasks)
 
 
-def reading_bytes(planned: tuple[Task, ...], links: int) -> int:
+def reading_bytes(all_tasks: tuple[Task, ...], links: int) -> int:
     """What one reading of the counters carries at most, above TLS."""
-    reached = sum(task.expected is Expected.REACHED for task in planned)
-    return _READ + _READ_TARGET * reached + _READ_LINK * links
+    allowed_count = sum(task.expectation is ExpectedOutcome.REACHED for task in all_tasks)
+    return _READ + _READ_TARGET * allowed_count + _READ_LINK * links
 
 
-def session_bytes(planned: tuple[Task, ...], rounds: int, links: int, *, open_filter: bool) -> tuple[int, int]:
+def session_bytes(all_tasks: tuple[Task, ...], rounds: int, links: int, *, open_filter: bool) -> tuple[int, int]:
     """What the session to the router carries at most, above TLS: what it always does, and the asking by turns.
 
     `links`: bearers of the site, each of which has its routes.
     """
-    reached = [task for task in planned if task.expected is Expected.REACHED]
-    read = reading_bytes(planned, links)
-    turns = {task.probe for task in reached if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)}
-    refused = sum(task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP for task in planned)
-    temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
-    opened = refused if open_filter else 0
-    always = _LOGIN + _TERMINAL + (2 + 2 * refused + opened + temporary) * (read + _PING) + (opened + temporary) * _ROWS
-    by_turns = rounds * ((1 + (turns != {SatelliteProbe.ICMP})) * bool(turns) + opened + temporary) * (read + _PING)
+    allowed_tasks = [task for task in all_tasks if task.expectation is ExpectedOutcome.REACHED]
+    read = reading_bytes(all_tasks, links)
+    turns = {task.probe for task in allowed_tasks if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)}
+    blocked_count = sum(
+        task.expectation is ExpectedOutcome.REFUSED and task.probe is SatelliteProbe.ICMP for task in all_tasks
+    )
+    temporary = any(task.probe in TEMPORARY_ROWS for task in all_tasks)
+    open_count = blocked_count if open_filter else 0
+    always = (
+        _LOGIN
+        + _TERMINAL
+        + (2 + 2 * blocked_count + open_count + temporary) * (read + _PING)
+        + (open_count + temporary) * _ROWS
+    )
+    by_turns = rounds * ((1 + (turns != {SatelliteProbe.ICMP})) * bool(turns) + open_count + temporary) * (read + _PING)
     return always, by_turns
 
 
-def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
-    probe, why_not = _probe(target, expected, how)
+def _task(target: AllowedTarget, expectation: ExpectedOutcome, how: _How) -> Task:
+    probe, why_not = _probe(target, expectation, how)
     words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
     return Task(
         target.name,
@@ -143,21 +152,21 @@ def _task(target: AllowedTarget, expected: Expected, how: _How) -> Task:
         str(target.address),
         target.port,
         target.transport.value,
-        expected,
+        expectation,
         probe,
         why_not,
         how.hint(why_not),
     )
 
 
-def _probe(target: AllowedTarget, expected: Expected, how: _How) -> tuple[SatelliteProbe, str]:
+def _probe(target: AllowedTarget, expectation: ExpectedOutcome, how: _How) -> tuple[SatelliteProbe, str]:
     if target.port is None:
         return (SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (SatelliteProbe.ICMP, "")
     if target.transport is Transport.TCP:
         if not how.try_all:
             return SatelliteProbe.NONE, _NO_TCP
         return SatelliteProbe.TCP, ""
-    if expected is Expected.REFUSED:
+    if expectation is ExpectedOutcome.REFUSED:
         return SatelliteProbe.NONE, _NO_UDP
     return _answering(target, how)
 
@@ -200,17 +209,17 @@ class NameReading:
         """Whether one of its OpenVPN tunnels runs; None: it has none."""
         return any(row.get("running") in _TRUE for row in self.tunnels) if self.tunnels else None
 
-    def dropped(self, chain: str) -> int:
+    def drop_count(self, chain: str) -> int:
         """Packets that the drop rules of a chain have met."""
         return sum(_number(row, "packets") for row in self.chain(chain) if row.get("action") == "drop")
 
     def answers(self, chain: str, task: Task) -> int:
         """Packets that came back from a target, by the rule that lets its answers in."""
-        return self._passed(chain, task, "src")
+        return self._packet_count(chain, task, "src")
 
     def questions(self, chain: str, task: Task) -> int:
         """Packets that went out to a target, by the rule that lets them out."""
-        return self._passed(chain, task, "dst")
+        return self._packet_count(chain, task, "dst")
 
     def went_out(self, chain: str, task: Task, before: NameReading) -> bool | None:
         """Whether packets to a target were counted on their way out since `before`; None: no rule counts them."""
@@ -218,7 +227,7 @@ class NameReading:
             return None
         return self.questions(chain, task) > before.questions(chain, task)
 
-    def _passed(self, chain: str, task: Task, side: str) -> int:
+    def _packet_count(self, chain: str, task: Task, side: str) -> int:
         return sum(_number(row, "packets") for row in self.chain(chain) if self._is_rule(row, task, side))
 
     @staticmethod
@@ -241,16 +250,16 @@ def reads(port: str, chains: Sequence[str]) -> tuple[Command, ...]:
 
 def read(port: str, replies: Sequence[Reply]) -> NameReading:
     """Understand the answers to `reads`. Raises DeviceFailed if the port is not there, Refused."""
-    interfaces, rules, routes, tunnels = (reply.checked().rows for reply in replies)
-    found = next((row for row in interfaces if row.get("default-name") == port), None)
-    if found is None or "rx-byte" not in found or "tx-byte" not in found:
-        raise DeviceFailed(
+    interfaces, rules, routes, tunnels = (reply.check().rows for reply in replies)
+    interface = next((row for row in interfaces if row.get("default-name") == port), None)
+    if interface is None or "rx-byte" not in interface or "tx-byte" not in interface:
+        raise DeviceError(
             f"the router tells no byte counters of port {port}, and without them nothing is sent",
             hint="is the socket of the satellite's cable declared as its port? `provision drift site=…` compares",
         )
     return NameReading(
-        port_name=found.get("name", port),
-        port_bytes=_number(found, "rx-byte") + _number(found, "tx-byte"),
+        port_name=interface.get("name", port),
+        port_bytes=_number(interface, "rx-byte") + _number(interface, "tx-byte"),
         rules=tuple(rules),
         routes=tuple(routes),
         tunnels=tuple(tunnels),
@@ -270,7 +279,7 @@ def factory_ping(address: str, port: str) -> Command:
     return Command("/tool/ping", (("address", address), ("arp-ping", "yes"), ("interface", port), ("count", "2")))
 
 
-def answered(reply: Reply) -> bool:
+def has_answer(reply: Reply) -> bool:
     """Whether any of the echoes came back; the router's own refusal to send is no answer."""
     rows = reply.rows if reply.trap is None else ()
     return any(_number(row, "received") > 0 for row in rows)
@@ -296,7 +305,7 @@ def named_targets(declaration: Declaration, site: str, bearer: Bearer) -> tuple[
             if target.name == VPN_TARGET and target.address == declaration.pilot.vpn.endpoint
             else f"`allow` of `{bearer.name}` in group_vars/{site}.yml",
         )
-        for target in allowed(declaration.pilot, bearer)
+        for target in allowed_targets(declaration.pilot, bearer)
         if target.dns_name is not None
     )
 
@@ -304,13 +313,13 @@ def named_targets(declaration: Declaration, site: str, bearer: Bearer) -> tuple[
 def _ask(name: str) -> frozenset[str] | None:
     """IPv4 addresses of a name; empty if it does not exist, None if the resolver could not tell."""
     try:
-        found = socket.getaddrinfo(name, None, family=socket.AF_INET, type=socket.SOCK_STREAM)
+        records = socket.getaddrinfo(name, None, family=socket.AF_INET, type=socket.SOCK_STREAM)
     except socket.gaierror as error:
-        gone = (socket.EAI_NONAME, getattr(socket, "EAI_NODATA", socket.EAI_NONAME))
-        return frozenset() if error.errno in gone else None
+        not_found_codes = (socket.EAI_NONAME, getattr(socket, "EAI_NODATA", socket.EAI_NONAME))
+        return frozenset() if error.errno in not_found_codes else None
     except OSError:
         return None
-    return frozenset(str(address[4][0]) for address in found)
+    return frozenset(str(address[4][0]) for address in records)
 
 
 async def resolve(
@@ -329,11 +338,11 @@ async def resolve(
         await asyncio.wait(work.values(), timeout=timeout_s)
     result: dict[str, frozenset[str] | None] = {}
     for name, work_item in work.items():
-        done = work_item.done() and not work_item.cancelled()
+        is_complete = work_item.done() and not work_item.cancelled()
         work_item.cancel()
-        result[name] = work_item.result() if done else None
+        result[name] = work_item.result() if is_complete else None
     return result
 
 
-class NothingToProve(NothingMatched):
+class NothingToProve(NoMatchError):
     """The site has no such satellite link, or no router that could try it."""

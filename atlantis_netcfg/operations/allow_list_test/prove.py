@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, complete
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, OutcomeUnknown, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.satellite_allow_list import far_end
 from atlantis_netcfg.links import BearerFinding
@@ -17,7 +17,7 @@ from atlantis_netcfg.links.satellite import (
     FACTORY_ADDRESSES,
     WINDOW_S,
     Attempt,
-    Expected,
+    ExpectedOutcome,
     ProbeOutcome,
     SatelliteProbe,
     judge_attempt,
@@ -30,9 +30,9 @@ from atlantis_netcfg.operations.allow_list_test.plan import (
     VPN_BYTES,
     NameReading,
     Task,
-    answered,
     expected_bytes,
     factory_ping,
+    has_answer,
     ping,
     read,
     reading_bytes,
@@ -61,14 +61,14 @@ async def temporarily(session: Session, rows: Sequence[Command]) -> AsyncIterato
     Raises DeviceFailed with the router as it was, or OutcomeUnknown if it does not say that the rows are gone.
     """
     await _take(session)
-    added: list[Reply] = []
+    replies: list[Reply] = []
     try:
-        added = await session.flight(rows)
-        for reply in added:
-            reply.checked()
+        replies = await session.flight(rows)
+        for reply in replies:
+            reply.check()
         yield
     finally:
-        await _close(session, rows, added)
+        await _close(session, rows, replies)
 
 
 def filter_rows(reading: NameReading, chains: tuple[str, str], address: str) -> tuple[Command, ...]:
@@ -86,7 +86,7 @@ async def _take(session: Session) -> None:
     try:
         await ApiSafeMode().take(session)
     except SafeModeUnavailable as unavailable:
-        raise DeviceFailed(
+        raise DeviceError(
             f"safe mode could not be taken, so nothing was changed for the proof: {unavailable.reason}",
             hint="it needs RouterOS 7.18 or later, and nobody else may hold it",
         ) from unavailable
@@ -95,7 +95,7 @@ async def _take(session: Session) -> None:
 def _first(reading: NameReading, chain: str) -> str:
     rows = reading.chain(chain)
     if not rows or ".id" not in rows[0]:
-        raise DeviceFailed(f"the router has no chain {chain}: provision the site first")
+        raise DeviceError(f"the router has no chain {chain}: provision the site first")
     return rows[0][".id"]
 
 
@@ -103,23 +103,23 @@ def _menu(command: Command) -> str:
     return command.path.removesuffix("/add")
 
 
-async def _close(session: Session, rows: Sequence[Command], added: Sequence[Reply]) -> None:
+async def _close(session: Session, rows: Sequence[Command], replies: Sequence[Reply]) -> None:
     """Remove the rows, see that none is left, and only then let safe mode go; otherwise everything is unrolled."""
-    there = zip(rows, added, strict=False)
+    there = zip(rows, replies, strict=False)
     removals = [Command(f"{_menu(row)}/remove", ((".id", reply.ret),)) for row, reply in there if reply.ret is not None]
     await session.flight(removals)
-    if await _gone(session, rows):
+    if await _is_clean(session, rows):
         await session.flight([RELEASE])
         return
     await session.flight([UNROLL])
-    if not await _gone(session, rows):
+    if not await _is_clean(session, rows):
         raise OutcomeUnknown(
             "the router does not say that the rows of the proof are gone",
             hint=f"remove the rows that say `{MARK}`; or run the site, which removes them, too: `provision site=…`",
         )
 
 
-async def _gone(session: Session, rows: Sequence[Command]) -> bool:
+async def _is_clean(session: Session, rows: Sequence[Command]) -> bool:
     menus = dict.fromkeys(_menu(row) for row in rows)
     commands = [Command(f"{menu}/print", ((".proplist", ".id"),), (f"?comment={MARK}",)) for menu in menus]
     return all(reply.trap is None and not reply.rows for reply in await session.flight(commands))
@@ -148,7 +148,7 @@ def _connections(todo: Sequence[Task], bearer: Bearer) -> Iterator[Command]:
 
 
 def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply, source: str) -> Iterator[Command]:
-    first = next((("place-before", row[".id"]) for row in rules.checked().rows if ".id" in row), None)
+    first = next((("place-before", row[".id"]) for row in rules.check().rows if ".id" in row), None)
     for task in todo:
         if task.probe in TEMPORARY_ROWS:
             where: tuple[tuple[str, str], ...] = (
@@ -164,41 +164,41 @@ def _ways(todo: Sequence[Task], bearer: Bearer, rules: Reply, source: str) -> It
 
 async def ask_now(session: Session) -> None:
     """Switch the time client off and on. Raises Refused; safe mode takes back what was half done."""
-    for enabled in ("no", "yes"):
-        (await session.command(Command("/system/ntp/client/set", (("enabled", enabled),)))).checked()
+    for state in ("no", "yes"):
+        (await session.command(Command("/system/ntp/client/set", (("enabled", state),)))).check()
 
 
-def connected(todo: Sequence[Task], status: Reply) -> set[Task]:
+def find_connected_tasks(todo: Sequence[Task], status: Reply) -> set[Task]:
     """The TCP targets to which a connection came up."""
-    up = {(row.get("host"), row.get("port")) for row in status.checked().rows if row.get("status") == "up"}
+    up = {(row.get("host"), row.get("port")) for row in status.check().rows if row.get("status") == "up"}
     return {task for task in todo if task.probe is SatelliteProbe.TCP and (task.address, str(task.port)) in up}
 
 
 def outcome(
-    task: Task, answered: Collection[Task], before: NameReading, now: NameReading, chains: tuple[str, str]
+    task: Task, answering_tasks: Collection[Task], before: NameReading, now: NameReading, chains: tuple[str, str]
 ) -> tuple[ProbeOutcome, str]:
     """What was seen of one of these targets; `chains`: of what goes out, and of what comes back.
 
     An answer proves something of the satellite only where the question went out over it.
     """
     out, back = chains
-    sent = now.went_out(out, task, before)
-    is_counted = task not in answered or now.answers(back, task) > before.answers(back, task)
-    elsewhere = task.probe is SatelliteProbe.TCP and sent is False
-    if elsewhere or (task.probe is SatelliteProbe.VPN and not (sent and is_counted)):
-        how = "it answered" if task in answered else "it was asked"
+    was_sent = now.went_out(out, task, before)
+    is_counted = task not in answering_tasks or now.answers(back, task) > before.answers(back, task)
+    elsewhere = task.probe is SatelliteProbe.TCP and was_sent is False
+    if elsewhere or (task.probe is SatelliteProbe.VPN and not (was_sent and is_counted)):
+        how = "it answered" if task in answering_tasks else "it was asked"
         return ProbeOutcome.NOT_TRIED, f"{how}, but the router has counted nothing to it over the satellite"
-    if task in answered:
+    if task in answering_tasks:
         return ProbeOutcome.ANSWERED, ""
     if task.probe is SatelliteProbe.TIME and now.questions(out, task) <= before.questions(out, task):
         return ProbeOutcome.NOT_TRIED, "the time client did not ask it, although it was switched off and on"
-    if task.expected is Expected.REFUSED and now.dropped(out) > before.dropped(out):
+    if task.expectation is ExpectedOutcome.REFUSED and now.drop_count(out) > before.drop_count(out):
         return ProbeOutcome.REFUSED_HERE, ""
     return ProbeOutcome.SILENT, ""
 
 
 _BAD = (Verdict.FAIL, Verdict.ERROR)
-_PROVED = (Verdict.PASS, Verdict.WARN)
+_GOOD = (Verdict.PASS, Verdict.WARN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +209,7 @@ class Proof:
     bearer: str
     active: bool
     """Whether the satellite carried the site's traffic meanwhile."""
-    judged: tuple[tuple[Attempt, BearerFinding], ...]
+    results: tuple[tuple[Attempt, BearerFinding], ...]
     findings: tuple[BearerFinding, ...]
     """Of the terminal and of names, which no probe has shown."""
     bytes_counted: int
@@ -233,19 +233,19 @@ class Proof:
     @property
     def exit(self) -> ExitCode:
         """0 if everything was proved; 6 if anything failed or stays open; 7 if nothing was tried and nothing failed."""
-        verdicts = [item.verdict for item in (*(finding for _, finding in self.judged), *self.findings)]
+        verdicts = [item.verdict for item in (*(finding for _, finding in self.results), *self.findings)]
         if any(verdict in _BAD for verdict in verdicts):
             return ExitCode.CHECKS_FAILED
-        if all(attempt.outcome is ProbeOutcome.NOT_TRIED for attempt, _ in self.judged):
+        if all(attempt.outcome is ProbeOutcome.NOT_TRIED for attempt, _ in self.results):
             return ExitCode.NOTHING
-        proved = all(verdict in _PROVED for verdict in verdicts)
-        return ExitCode.DONE if proved else ExitCode.CHECKS_FAILED
+        is_success = all(verdict in _GOOD for verdict in verdicts)
+        return ExitCode.DONE if is_success else ExitCode.CHECKS_FAILED
 
     @property
     def vpn_answered(self) -> bool:
         """Whether the VPN server itself has answered over this link, which carried nothing else."""
         answer = SatelliteProbe.VPN, ProbeOutcome.ANSWERED
-        return any((attempt.probe, attempt.outcome) == answer for attempt, _ in self.judged)
+        return any((attempt.probe, attempt.outcome) == answer for attempt, _ in self.results)
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
@@ -254,7 +254,7 @@ class Proof:
             "bearer": self.bearer,
             "exit": int(self.exit),
             "active": self.active,
-            "targets": [_result(attempt, finding) for attempt, finding in self.judged],
+            "targets": [_result(attempt, finding) for attempt, finding in self.results],
             "findings": [finding.as_dict() for finding in self.findings],
             "bytes_counted": self.bytes_counted,
             "budget_bytes": self.budget_bytes,
@@ -270,24 +270,29 @@ class Proof:
     def _lines(self) -> Iterable[str]:
         carries = "carries the traffic now" if self.active else "does not carry the traffic now"
         yield f"{self.site}, {self.bearer}: {carries}"
-        for finding in (*(finding for _, finding in self.judged), *self.findings):
+        for finding in (*(finding for _, finding in self.results), *self.findings):
             yield f"  {finding.verdict.value:<12} {finding.message}"
             if finding.hint:
                 yield f"  {'':<12} {finding.hint}"
         if self.left_out:
             yield f"  {Verdict.SKIP.value:<12} {self.left_out}"
-        tried = [finding.verdict for attempt, finding in self.judged if attempt.outcome is not ProbeOutcome.NOT_TRIED]
-        proved = sum(verdict in _PROVED for verdict in tried)
-        yield f"  {proved} of {len(self.judged)} targets proved, {len(self.judged) - len(tried)} could not be tried"
-        counted = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
-        yield f"  the router counted {counted}; kept off {self.kept_off} packets, turned away {self.turned_away}"
+        tried_verdicts = [
+            finding.verdict for attempt, finding in self.results if attempt.outcome is not ProbeOutcome.NOT_TRIED
+        ]
+        good_count = sum(verdict in _GOOD for verdict in tried_verdicts)
+        yield (
+            f"  {good_count} of {len(self.results)} targets proved, "
+            f"{len(self.results) - len(tried_verdicts)} could not be tried"
+        )
+        traffic = f"{self.bytes_counted} bytes on the satellite's port meanwhile (asking stops at {self.budget_bytes})"
+        yield f"  the router counted {traffic}; kept off {self.kept_off} packets, turned away {self.turned_away}"
 
 
 def _result(attempt: Attempt, finding: BearerFinding) -> dict[str, Any]:
     return {
         "name": attempt.name,
         "target": attempt.target,
-        "expected": attempt.expected.value,
+        "expected": attempt.expected_outcome.value,
         "probe": attempt.probe.value,
         "outcome": attempt.outcome.value,
         "after_s": attempt.after_s,
@@ -297,7 +302,7 @@ def _result(attempt: Attempt, finding: BearerFinding) -> dict[str, Any]:
     }
 
 
-_COUNTED = (SatelliteProbe.UDP_COUNTER, SatelliteProbe.TUNNEL)
+_COUNTER_PROBES = (SatelliteProbe.UDP_COUNTER, SatelliteProbe.TUNNEL)
 _END_TURNS = 2
 """What follows the last turn costs no more than so many: rows are removed, and the counters are read once more."""
 _REFUSALS = 3
@@ -346,8 +351,8 @@ class Proving:
     @property
     def expected_bytes(self) -> int:
         """What the targets cost over the satellite at most, and the session to the router if it goes there too."""
-        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        probes = expected_bytes(planned, self.pace.rounds) + (VPN_BYTES if self.try_all else 0)
+        all_tasks = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        probes = expected_bytes(all_tasks, self.pace.rounds) + (VPN_BYTES if self.try_all else 0)
         if self.carrier != self.bearer.name:
             return min(BUDGET_BYTES, probes)
         always, by_turns = self._session()
@@ -359,17 +364,17 @@ class Proving:
         return on_the_wire(sum(self._session()) + HANDSHAKE_BYTES, 1)
 
     def _session(self) -> tuple[int, int]:
-        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        return session_bytes(planned, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
+        all_tasks = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return session_bytes(all_tasks, self.pace.rounds, len(self.ways), open_filter=self.open_filter)
 
     @property
     def seconds(self) -> float:
         """How long it lasts at most, about."""
-        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        all_tasks = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
         opened_for = sum(
-            1 for task in planned if task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP
+            1 for task in all_tasks if task.expectation is ExpectedOutcome.REFUSED and task.probe is SatelliteProbe.ICMP
         )
-        temporary = any(task.probe in TEMPORARY_ROWS for task in planned)
+        temporary = any(task.probe in TEMPORARY_ROWS for task in all_tasks)
         return self.pace.window_s * (1 + (opened_for if self.open_filter else 0) + 2 * temporary)
 
     async def run(self, session: Session) -> Proof:
@@ -379,27 +384,29 @@ class Proving:
         self._opening_bytes = session.traffic.bytes
         active = active_bearer(before.routes, self.ways) == self.bearer.name
         terminal = await self._terminal(session, before.port_name)
-        planned = [self._tried(task) for task in tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)]
-        for task in planned:
+        all_tasks = [
+            self._resolve_task(task) for task in tasks(self.pilot, self.bearer, active=active, try_all=self.try_all)
+        ]
+        for task in all_tasks:
             if task.probe is SatelliteProbe.NONE:
-                untried = _attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not)
-                self._attempts.append(replace(untried, hint=task.hint))
-        alone = [task for task in planned if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)]
-        reached = [task for task in alone if task.expected is Expected.REACHED]
-        self._attempts += await self._reach(session, reached, before)
-        for task in planned:
-            if task.expected is Expected.REFUSED and task.probe is SatelliteProbe.ICMP:
+                attempt = _attempt(task, ProbeOutcome.NOT_TRIED, note=task.why_not)
+                self._attempts.append(replace(attempt, hint=task.hint))
+        alone = [task for task in all_tasks if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)]
+        allowed_tasks = [task for task in alone if task.expectation is ExpectedOutcome.REACHED]
+        self._attempts += await self._reach(session, allowed_tasks, before)
+        for task in all_tasks:
+            if task.expectation is ExpectedOutcome.REFUSED and task.probe is SatelliteProbe.ICMP:
                 self._attempts.append(await self._refuse(session, task))
                 if self.open_filter:
                     self._attempts.append(await self._beyond(session, task))
-        temporary = [task for task in planned if task.probe in TEMPORARY_ROWS]
+        temporary = [task for task in all_tasks if task.probe in TEMPORARY_ROWS]
         if temporary:
             self._attempts += await self._ask(session, temporary, active=active)
         after = await self._read(session)
         proof = self._proof(before, after, terminal, active=active)
         return replace(proof, session_bytes=session.traffic.bytes)
 
-    def _tried(self, task: Task) -> Task:
+    def _resolve_task(self, task: Task) -> Task:
         """The task, or why this computer cannot ask the VPN server."""
         if task.probe is not SatelliteProbe.VPN or not isinstance(self.vpn, NetcfgError):
             return task
@@ -408,20 +415,20 @@ class Proving:
     def _proof(
         self, before: NameReading, after: NameReading, terminal: Sequence[BearerFinding], *, active: bool
     ) -> Proof:
-        seen = any(
-            attempt.expected is Expected.REACHED and attempt.outcome is ProbeOutcome.ANSWERED
+        is_link_up = any(
+            attempt.expected_outcome is ExpectedOutcome.REACHED and attempt.outcome is ProbeOutcome.ANSWERED
             for attempt in self._attempts
         )
         return Proof(
             site=self.site,
             bearer=self.bearer.name,
             active=active,
-            judged=tuple((item, self._judged(item, link_seen=seen)) for item in self._attempts),
+            results=tuple((item, self._judge(item, link_seen=is_link_up)) for item in self._attempts),
             findings=tuple(terminal),
             bytes_counted=after.port_bytes - before.port_bytes,
             budget_bytes=BUDGET_BYTES,
-            kept_off=after.dropped(self._chains[0]),
-            turned_away=after.dropped(self._chains[1]),
+            kept_off=after.drop_count(self._chains[0]),
+            turned_away=after.drop_count(self._chains[1]),
             carrier=self.carrier,
             opening_bytes=self._opening_bytes,
             left_out=self._left_out,
@@ -429,13 +436,13 @@ class Proving:
 
     @property
     def _left_out(self) -> str:
-        measured = far_end(self.pilot)
-        if measured is None:
+        target = far_end(self.pilot)
+        if target is None:
             return ""
         command = f"provision qualify site={self.site} link={self.bearer.name}"
-        return f"{measured.name} ({measured.address} udp {measured.port}): `{command}` tries it"
+        return f"{target.name} ({target.address} udp {target.port}): `{command}` tries it"
 
-    def _judged(self, attempt: Attempt, *, link_seen: bool) -> BearerFinding:
+    def _judge(self, attempt: Attempt, *, link_seen: bool) -> BearerFinding:
         finding = judge_attempt(attempt, link_seen=link_seen)
         return replace(finding, hint=finding.hint and complete(finding.hint, site=self.site))
 
@@ -452,15 +459,15 @@ class Proving:
         there = ping(str(self.bearer.gateway), str(self.bearer.address), count=2)
         commands = [there, *(factory_ping(address, port) for address in FACTORY_ADDRESSES)]
         gateway, *factory = await session.flight(commands)
-        if refused := next((reply.trap for reply in factory if reply.trap is not None), None):
-            message = f"the router would not ask who is on {port}: {refused.message}"
+        if trap := next((reply.trap for reply in factory if reply.trap is not None), None):
+            message = f"the router would not ask who is on {port}: {trap.message}"
             return (BearerFinding(Verdict.INCONCLUSIVE, "box-not-asked", message),)
-        strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if answered(reply)]
+        strangers = [address for address, reply in zip(FACTORY_ADDRESSES, factory, strict=True) if has_answer(reply)]
         return judge_factory_address(
             self.terminal,
             self.port,
             str(self.bearer.gateway),
-            answers=answered(gateway),
+            answers=has_answer(gateway),
             answers_at_factory=strangers[0] if strangers else None,
         )
 
@@ -469,30 +476,34 @@ class Proving:
         answers: dict[Task, float] = {}
         waited_s, now = 0.0, before
         for turn in range(self.pace.rounds):
-            left = [task for task in todo if task not in answers]
-            if not left or (turn and self._is_spent(now if now is not before else await self._read(session))):
+            remaining_tasks = [task for task in todo if task not in answers]
+            if not remaining_tasks or (
+                turn and self._is_spent(now if now is not before else await self._read(session))
+            ):
                 break
-            self._say(f"{len(left)} allowed targets have not answered yet", turn, self.pace.rounds)
-            pings = [task for task in left if task.probe is SatelliteProbe.ICMP]
+            self._say(f"{len(remaining_tasks)} allowed targets have not answered yet", turn, self.pace.rounds)
+            pings = [task for task in remaining_tasks if task.probe is SatelliteProbe.ICMP]
             replies = await session.flight([ping(task.address, str(self.bearer.address)) for task in pings])
-            answers.update({task: waited_s for task, reply in zip(pings, replies, strict=True) if answered(reply)})
-            now = await self._read(session) if len(pings) < len(left) else now
-            answers.update({task: waited_s for task in left if self._more(before, now, task)})
+            answers.update({task: waited_s for task, reply in zip(pings, replies, strict=True) if has_answer(reply)})
+            now = await self._read(session) if len(pings) < len(remaining_tasks) else now
+            answers.update({task: waited_s for task in remaining_tasks if self._more(before, now, task)})
             if len(answers) < len(todo):
                 await self.pace.sleep(self.pace.every_s)
                 waited_s += self.pace.every_s
-        return [self._reached(task, answers.get(task), waited_s, before, now) for task in todo]
+        return [self._allowed_attempt(task, answers.get(task), waited_s, before, now) for task in todo]
 
     def _more(self, before: NameReading, now: NameReading, task: Task) -> bool:
         chain = self._chains[1]
-        return task.probe in (*_COUNTED, SatelliteProbe.TIME) and now.answers(chain, task) > before.answers(chain, task)
+        return task.probe in (*_COUNTER_PROBES, SatelliteProbe.TIME) and now.answers(chain, task) > before.answers(
+            chain, task
+        )
 
-    def _reached(
+    def _allowed_attempt(
         self, task: Task, after_s: float | None, waited_s: float, before: NameReading, now: NameReading
     ) -> Attempt:
         if after_s is not None:
             return replace(_attempt(task, ProbeOutcome.ANSWERED, window_s=waited_s), after_s=after_s)
-        if task.probe not in _COUNTED:
+        if task.probe not in _COUNTER_PROBES:
             return _attempt(task, ProbeOutcome.SILENT, window_s=waited_s)
         earlier = before.answers(self._chains[1], task)
         note = f"no answer of it was counted in {waited_s:.0f} s, {earlier} before that"
@@ -509,10 +520,10 @@ class Proving:
         before = await self._read(session)
         reply = await session.command(ping(task.address, str(self.bearer.address), count=_REFUSALS))
         after = await self._read(session)
-        if answered(reply):
+        if has_answer(reply):
             return _attempt(task, ProbeOutcome.ANSWERED)
         chain = self._chains[0]
-        if after.dropped(chain) - before.dropped(chain) >= _REFUSALS:
+        if after.drop_count(chain) - before.drop_count(chain) >= _REFUSALS:
             return _attempt(task, ProbeOutcome.REFUSED_HERE)
         return _attempt(task, ProbeOutcome.SILENT, note="the router's drop counter did not count it")
 
@@ -520,19 +531,19 @@ class Proving:
         """Ask with the filter open for this one host: does the terminal, or the network behind it, enforce anything."""
         self._say(f"{task.name}, with the router's filter open for it")
         reading = await self._read(session)
-        waited_s, found = 0.0, False
+        waited_s, is_answered = 0.0, False
         async with temporarily(session, filter_rows(reading, self._chains, task.address)):
             for turn in range(self.pace.rounds):
                 if turn and self._is_spent(await self._read(session)):
                     break
-                found = answered(await session.command(ping(task.address, str(self.bearer.address))))
-                if found:
+                is_answered = has_answer(await session.command(ping(task.address, str(self.bearer.address))))
+                if is_answered:
                     break
                 await self.pace.sleep(self.pace.every_s)
                 waited_s += self.pace.every_s
-        outcome = ProbeOutcome.ANSWERED if found else ProbeOutcome.SILENT
+        outcome = ProbeOutcome.ANSWERED if is_answered else ProbeOutcome.SILENT
         attempt = _attempt(task, outcome, window_s=waited_s)
-        return replace(attempt, filter_open=True, after_s=waited_s if found else None)
+        return replace(attempt, filter_open=True, after_s=waited_s if is_answered else None)
 
     async def _ask(self, session: Session, todo: Sequence[Task], *, active: bool) -> list[Attempt]:
         """Ask what needs rows on the router, all in one window; who is to be refused is asked to its end."""
@@ -543,8 +554,8 @@ class Proving:
         server = next((task for task in todo if task.probe is SatelliteProbe.VPN), None)
         vpn = None if server is None or isinstance(self.vpn, NetcfgError) else self.vpn
         source = "" if vpn is None else vpn.source
-        added = rows(todo, self.bearer, await session.command(RULES), active=active, source=source)
-        async with temporarily(session, added):
+        rule_rows = rows(todo, self.bearer, await session.command(RULES), active=active, source=source)
+        async with temporarily(session, rule_rows):
             if any(task.probe is SatelliteProbe.TIME for task in todo):
                 await ask_now(session)
             if server is not None and vpn is not None and (after_s := await vpn.answered_after_s()) is not None:
@@ -554,18 +565,18 @@ class Proving:
                 await self.pace.sleep(pause_s)
                 waited_s += pause_s
                 now = await self._read(session)
-                found = connected(todo, await session.command(STATUS))
-                found |= {task for task in todo if self._more(before, now, task)}
-                answers = dict.fromkeys(found, waited_s) | answers
+                answering_tasks = find_connected_tasks(todo, await session.command(STATUS))
+                answering_tasks |= {task for task in todo if self._more(before, now, task)}
+                answers = dict.fromkeys(answering_tasks, waited_s) | answers
                 if len(answers) == len(todo) or self._is_spent(now):
                     break
-        return [self._requested(task, answers, waited_s, before, now) for task in todo]
+        return [self._temporary_attempt(task, answers, waited_s, before, now) for task in todo]
 
-    def _requested(
+    def _temporary_attempt(
         self, task: Task, answers: Mapping[Task, float], waited_s: float, before: NameReading, now: NameReading
     ) -> Attempt:
-        found, note = outcome(task, answers, before, now, self._chains)
-        return replace(_attempt(task, found, window_s=waited_s, note=note), after_s=answers.get(task))
+        result, note = outcome(task, answers, before, now, self._chains)
+        return replace(_attempt(task, result, window_s=waited_s, note=note), after_s=answers.get(task))
 
     def _is_spent(self, now: NameReading) -> bool:
         """Whether the budget has no room for another turn and the end, whoever has used the satellite."""
@@ -575,20 +586,20 @@ class Proving:
         """How many turns the budget has room for, with rows to be added and removed: at least one."""
         if not self._turn_bytes:
             return self.pace.rounds
-        left = BUDGET_BYTES - VPN_BYTES - (now.port_bytes - self._start_bytes)
-        return max(1, min(self.pace.rounds, left // self._turn_bytes - _END_TURNS))
+        remaining_bytes = BUDGET_BYTES - VPN_BYTES - (now.port_bytes - self._start_bytes)
+        return max(1, min(self.pace.rounds, remaining_bytes // self._turn_bytes - _END_TURNS))
 
     @property
     def _turn_bytes(self) -> int:
         """What a turn of asking carries over the satellite where the session to the router goes there as well."""
         if self.carrier != self.bearer.name:
             return 0
-        planned = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
-        return ceil((1 + HEADERS) * reading_bytes(planned, len(self.ways)))
+        all_tasks = tasks(self.pilot, self.bearer, active=True, try_all=self.try_all)
+        return ceil((1 + HEADERS) * reading_bytes(all_tasks, len(self.ways)))
 
-    def _say(self, message: str, done: int = 0, total: int = 0) -> None:
-        self.notify(Event(self.router, Stage.VERIFYING, message, done, total))
+    def _say(self, message: str, step: int = 0, total: int = 0) -> None:
+        self.notify(Event(self.router, Stage.VERIFYING, message, step, total))
 
 
 def _attempt(task: Task, outcome: ProbeOutcome, *, window_s: float = 0.0, note: str = "") -> Attempt:
-    return Attempt(task.name, task.target, task.expected, task.probe, outcome, window_s=window_s, note=note)
+    return Attempt(task.name, task.target, task.expectation, task.probe, outcome, window_s=window_s, note=note)

@@ -42,7 +42,7 @@ class Satellite:
         declaration: Declaration,
         *,
         open_filter: bool = False,
-        rehearsed: bool,
+        is_rehearsal: bool,
         try_all: bool = False,
         via: str | None = None,
     ) -> Proving:
@@ -61,7 +61,7 @@ class Satellite:
             carrier=bearer_of(declaration, self.router, via).name,
             open_filter=open_filter,
             try_all=try_all,
-            pace=ProofPace(sleep=_no_wait) if rehearsed else ProofPace(),
+            pace=ProofPace(sleep=_no_wait) if is_rehearsal else ProofPace(),
         )
 
 
@@ -83,21 +83,21 @@ def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
         raise NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
     bearers = declaration.sites[site].bearers
     satellites = [bearer for bearer in bearers if bearer.kind.traits.allow_list]
-    listed = ", ".join(f"bearer={bearer.name}" for bearer in satellites) or "it has none"
+    choices = ", ".join(f"bearer={bearer.name}" for bearer in satellites) or "it has none"
     if not satellites:
         raise NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")
-    found = [bearer for bearer in satellites if name in {None, bearer.name}]
-    if len(found) != 1:
+    matches = [bearer for bearer in satellites if name in {None, bearer.name}]
+    if len(matches) != 1:
         why = f"`{site}` has several satellite links" if name is None else f"`{site}` has no satellite link `{name}`"
-        raise NothingToProve(why, hint=f"type one of: {listed}")
-    return found[0]
+        raise NothingToProve(why, hint=f"type one of: {choices}")
+    return matches[0]
 
 
 def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[BearerFinding, ...]:
     """Ask this computer for every name of the allow-list, and say which have moved."""
     targets = named_targets(declaration, site, _bearer(declaration, site, name))
-    resolved = asyncio.run(resolve(target.dns_name for target in targets))
-    return judge_names(targets, resolved, "this computer")
+    addresses = asyncio.run(resolve(target.dns_name for target in targets))
+    return judge_names(targets, addresses, "this computer")
 
 
 def try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
@@ -107,10 +107,10 @@ def try_out(declaration: Declaration, router: Host, request: Request, proving: P
 
 async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
     job = device_job(declaration, router, request, NoJournal(), proving.notify)
-    spent: list[Traffic] = []
-    async with await Session.open(replace(job.endpoint, opening=spent.append)) as session:
+    traffic: list[Traffic] = []
+    async with await Session.open(replace(job.endpoint, opening=traffic.append)) as session:
         proof = await proving.run(session)
-    return replace(proof, sessions=Traffic.total(spent).connections)
+    return replace(proof, sessions=Traffic.total(traffic).connections)
 
 
 def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:
@@ -131,9 +131,9 @@ def bills(declaration: Declaration, proof: Proof, seconds: float) -> Mapping[str
     if proof.carrier == proof.bearer:
         opening = on_the_wire(proof.opening_bytes, proof.sessions)
         return {proof.bearer: preview(proof.bytes_counted + opening, seconds, links[proof.bearer]).bill}
-    carried = on_the_wire(proof.session_bytes, proof.sessions)
-    found = {proof.bearer: proof.bytes_counted, proof.carrier: carried}
-    return {name: preview(nbytes, seconds, links[name]).bill for name, nbytes in found.items()}
+    wire_bytes = on_the_wire(proof.session_bytes, proof.sessions)
+    bytes_by_link = {proof.bearer: proof.bytes_counted, proof.carrier: wire_bytes}
+    return {name: preview(nbytes, seconds, links[name]).bill for name, nbytes in bytes_by_link.items()}
 
 
 async def _no_wait(_seconds: float) -> None:

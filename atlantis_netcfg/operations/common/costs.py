@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
-from atlantis_netcfg.links.cost import ACCEPT, Bill, CostRefused, MeteredLink, Preview, bill, preview, size
+from atlantis_netcfg.links.cost import ACCEPT, Bill, CostRefusal, MeteredLink, Preview, bill, preview, size
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer
 from atlantis_netcfg.operations.common import request as requests
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import Mode, Request
 from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of, links_of
@@ -22,13 +22,13 @@ from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
-from atlantis_netcfg.runs import CostCounted, Counters, Recorder, Store
+from atlantis_netcfg.runs import CostRecord, Counters, Recorder, Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.routeros._types import Observed
+    from atlantis_netcfg.routeros._types import Observation
 
 _MB: Final = 1_000_000
 
@@ -46,7 +46,7 @@ def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
             canaries=tuple(map(str, bearer.canaries)),
             port=ports.get(bearer.name),
             kind=bearer.kind.value,
-            metered=bearer.metered,
+            is_metered=bearer.metered,
         )
         for bearer in declaration.sites[host.site].bearers
     )
@@ -81,19 +81,19 @@ def beforehand(
     bounds: set[MeteredLink] = set()
     for host in hosts:
         bearer = _carrier(declaration, host, request)
-        if bearer is not None and bearer.metered:
+        if bearer is not None and bearer.is_metered:
             link = link_of(declaration, host.site, bearer.name)
             sums.setdefault(link, []).append(_host(host, bearer, request, at_most=at_most))
-            if at_most and (_writes(request) or (request.mode is Mode.PLAN and handled(host))):
+            if at_most and (_writes(request) or (request.mode is Mode.PLAN and is_supported(host))):
                 bounds.add(link)
     return tuple(
         preview(
-            sum(each.wire_bytes for each in found),
-            sum(each.seconds for each in found),
+            sum(each.wire_bytes for each in estimates),
+            sum(each.seconds for each in estimates),
             link,
             at_most=link in bounds,
         )
-        for link, found in sums.items()
+        for link, estimates in sums.items()
     )
 
 
@@ -115,9 +115,9 @@ def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> N
             raise unpaid([each.words for each in dear], request.command)
 
 
-def unpaid(words: Sequence[str], command: str = "provision") -> CostRefused:
+def unpaid(words: Sequence[str], command: str = "provision") -> CostRefusal:
     """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
-    return CostRefused(
+    return CostRefusal(
         f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
         hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
     )
@@ -134,7 +134,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
     A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
     Of a computer nothing is backed up.
     """
-    if handled(host) or (isinstance(host.device, SshHost) and request.mode is not Mode.BACKUP):
+    if is_supported(host) or (isinstance(host.device, SshHost) and request.mode is not Mode.BACKUP):
         return bearer_of(declaration, host, request.via.get(host.name))
     if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
         return None
@@ -146,7 +146,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
 
 
 def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
-    if handled(host):
+    if is_supported(host):
         return _estimate(bearer, request, at_most=at_most)
     if isinstance(host.device, SshHost):
         return _computer(bearer, writes=at_most and _writes(request))
@@ -198,14 +198,14 @@ class Meter:
     declaration: Declaration
     host: Host
     request: Request
-    declared: str = field(init=False)
+    declared_link: str = field(init=False)
     active: str | None = field(init=False, default=None)
     """The bearer of the active default route; None: not read, or not one alone."""
-    expected: Preview | None = field(init=False, default=None)
+    expected_cost: Preview | None = field(init=False, default=None)
     """What the run was expected to cost over the link that carries it, where that is metered."""
 
     def __post_init__(self) -> None:
-        self.declared = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name)).name
+        self.declared_link = bearer_of(self.declaration, self.host, self.request.via.get(self.host.name)).name
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -215,38 +215,38 @@ class Meter:
     @property
     def link(self) -> MeteredLink:
         """What carries the session, as far as it is known."""
-        if self.active is None or self.declared == LAN.name or self.request.rehearsed:
-            return self._links[self.declared]
+        if self.active is None or self.declared_link == LAN.name or self.request.rehearsed:
+            return self._links[self.declared_link]
         return self._links[self.active]
 
     @property
     def _links(self) -> Mapping[str, MeteredLink]:
         return links_of(self.declaration, self.host.site)
 
-    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
+    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:
         """Look at the active route, then at what the plan would send: whether it is agreed to, and below the cap."""
-        self.active = active_bearer(seen.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
+        self.active = active_bearer(observation.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
         notes = (*self._elsewhere(), *self._without_budget())
-        if not self.link.metered or estimate is None:
+        if not self.link.is_metered or estimate is None:
             return Admission(notes)
-        self.expected = preview(estimate.wire_bytes, estimate.seconds, self.link)
-        refusal = self._refusal(planned=planned) if spends else None
+        self.expected_cost = preview(estimate.wire_bytes, estimate.seconds, self.link)
+        refusal = self._refusal(plan_only=is_plan) if spends else None
         if refusal is None:
             return Admission(notes)
         if self.request.rehearsed:
             return Admission((*notes, f"a real run would be refused: {refusal}"))
         return Admission(notes, str(refusal), refusal.hint)
 
-    def _refusal(self, *, planned: bool) -> CostRefused | None:
+    def _refusal(self, *, plan_only: bool) -> CostRefusal | None:
         """Why what the plan would send may not be sent; a plan alone needs nobody's consent, nor does a rehearsal."""
-        assert self.expected is not None  # noqa: S101 - `judge` has just said what it expects
-        if self.expected.over_cap:
-            return self.expected.refusal()
-        if planned or self.request.rehearsed or self.request.accept_cost:
+        assert self.expected_cost is not None  # noqa: S101 - `judge` has just said what it expects
+        if self.expected_cost.over_cap:
+            return self.expected_cost.refusal()
+        if plan_only or self.request.rehearsed or self.request.accept_cost:
             return None
-        return CostRefused(
-            f"nobody has agreed to pay for it: {self.expected.words}",
-            hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared} is back",
+        return CostRefusal(
+            f"nobody has agreed to pay for it: {self.expected_cost.words}",
+            hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared_link} is back",
         )
 
     def report(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
@@ -255,15 +255,17 @@ class Meter:
         What cannot be written is said in the result: what has happened must not be lost over it.
         """
         notes = [*result.notes, *self._keep(result, store)]
-        if not self.link.metered:
+        if not self.link.is_metered:
             return {"notes": notes}
-        spent = bill(on_the_wire(result.sent + result.received, result.sessions), result.seconds, self.link.tariff)
-        router = self._counted(result)
+        final_bill = bill(
+            on_the_wire(result.sent_bytes + result.received_bytes, result.sessions), result.seconds, self.link.tariff
+        )
+        router = self._router_count(result)
         try:
-            journal.write(self._record(spent, router))
+            journal.write(self._record(final_bill, router))
         except NetcfgError as failure:
             notes.append(str(failure))
-        return {"notes": notes, "cost": self._cost(spent, router)}
+        return {"notes": notes, "cost": self._cost(final_bill, router)}
 
     def _without_budget(self) -> Iterator[str]:
         """Name the metered links of a router that have no budget for what goes by itself."""
@@ -273,15 +275,16 @@ class Meter:
 
     def _elsewhere(self) -> Iterator[str]:
         """Say that the session goes over another link than declared, above all if that is the dearer one."""
-        if self.link.name == self.declared or self.active is None:
+        if self.link.name == self.declared_link or self.active is None:
             return
         sentence = (
-            f"{self.host.name} is declared to be reached over {self.declared}, but its traffic goes over {self.active}"
+            f"{self.host.name} is declared to be reached over {self.declared_link}, "
+            f"but its traffic goes over {self.active}"
         )
-        dear = ", which is paid by the byte" if self.link.metered else ""
+        dear = ", which is paid by the byte" if self.link.is_metered else ""
         order = [route.name for route in ways_of(self.declaration, self.host)]
-        down = order.index(self.declared) < order.index(self.active)
-        yield f"{sentence} now{dear}" + (f": {self.declared} is down" if down else "")
+        down = order.index(self.declared_link) < order.index(self.active)
+        yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
 
     def _keep(self, result: DeviceResult, store: Store) -> Iterator[str]:
         """Keep the last look at every port for the month; yield what went wrong."""
@@ -301,7 +304,7 @@ class Meter:
                 yield str(failure)
                 return
 
-    def _counted(self, result: DeviceResult) -> dict[str, Any] | None:
+    def _router_count(self, result: DeviceResult) -> dict[str, Any] | None:
         """By how much the router's own counters rose between the first and the last look; None if that is unknown."""
         port = next((port for port, link in ports_of(self.host).items() if link == self.link.name), None)
         if port is None or not result.counts:
@@ -314,44 +317,45 @@ class Meter:
             return None
         return {"interface": port, "rx_bytes": rx, "tx_bytes": tx, "bytes": rx + tx}
 
-    def _cost(self, spent: Bill, router: dict[str, Any] | None) -> dict[str, Any]:
+    def _cost(self, final_bill: Bill, router: dict[str, Any] | None) -> dict[str, Any]:
         return {
             "bearer": self.link.name,
-            "declared": self.declared,
+            "declared": self.declared_link,
             "active": self.active,
             "cap_bytes": self.link.cap_bytes,
             "accepted": self.request.accept_cost,
-            "expected": None if self.expected is None else dict(self.expected.bill.as_dict()),
+            "expected": None if self.expected_cost is None else dict(self.expected_cost.bill.as_dict()),
             "words": self._asks(),
             "instead": next(self._elsewhere(), None),
-            "bill": dict(spent.as_dict()),
-            "bill_words": _words(spent, router),
+            "bill": dict(final_bill.as_dict()),
+            "bill_words": _words(final_bill, router),
             "router": router,
         }
 
     def _asks(self) -> str:
-        return "" if self.expected is None else self.expected.words
+        return "" if self.expected_cost is None else self.expected_cost.words
 
-    def _record(self, spent: Bill, router: dict[str, Any] | None) -> CostCounted:
-        return CostCounted(
+    def _record(self, final_bill: Bill, router: dict[str, Any] | None) -> CostRecord:
+        return CostRecord(
             device=self.host.name,
             bearer=self.link.name,
-            declared=self.declared,
+            declared=self.declared_link,
             accepted=self.request.accept_cost,
-            expected_bytes=None if self.expected is None else self.expected.bill.payload_bytes,
-            sent_bytes=spent.payload_bytes,
+            expected_bytes=None if self.expected_cost is None else self.expected_cost.bill.payload_bytes,
+            sent_bytes=final_bill.payload_bytes,
             router_bytes=None if router is None else router["bytes"],
-            billed_bytes=spent.billed_bytes,
-            price=None if spent.price is None else str(spent.price),
-            currency=spent.currency,
+            billed_bytes=final_bill.billed_bytes,
+            price=None if final_bill.price is None else str(final_bill.price),
+            currency=final_bill.currency,
         )
 
 
-def _words(spent: Bill, router: dict[str, Any] | None) -> str:
+def _words(final_bill: Bill, router: dict[str, Any] | None) -> str:
     if router is None:
-        return f"{spent.words}; not counted by the router"
+        return f"{final_bill.words}; not counted by the router"
     return (
-        f"{spent.words}; the router counted {size(router['bytes'])} on {router['interface']}, others' traffic included"
+        f"{final_bill.words}; the router counted {size(router['bytes'])} on {router['interface']}, "
+        "others' traffic included"
     )
 
 
@@ -366,7 +370,7 @@ class Costs:
     def beside(self, job: DeviceJob) -> DeviceJob:
         """Give a job its meter."""
         meter = self._meter(job.name)
-        return replace(job, cost_policy=meter, counted=meter.ports)
+        return replace(job, cost_policy=meter, counted_ports=meter.ports)
 
     def report(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
         """What a device's result says besides, once it has ended; before its site's journal is closed."""

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _READABLE = 0o644
 
 
-def validated(root: Path, file: str, text: str | None) -> Declaration:
+def validate_change(root: Path, file: str, text: str | None) -> Declaration:
     """The pilot as it would be. Raises InventoryInvalid, with the user's own file names; nothing is written."""
     with temporary.folder("inventory") as place:
         copy = place / root.name
@@ -28,10 +28,14 @@ def validated(root: Path, file: str, text: str | None) -> Declaration:
         try:
             return replace(load(copy), root=root)
         except InventoryInvalid as error:
-            shown, real = copy.as_posix(), root.as_posix()
+            copy_path, real = copy.as_posix(), root.as_posix()
             raise InventoryInvalid(
-                replace(found, file=found.file.replace(shown, real), message=found.message.replace(shown, real))
-                for found in error.findings
+                replace(
+                    finding,
+                    file=finding.file.replace(copy_path, real),
+                    message=finding.message.replace(copy_path, real),
+                )
+                for finding in error.findings
             ) from None
 
 

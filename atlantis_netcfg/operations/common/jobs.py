@@ -7,19 +7,19 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
 from atlantis_netcfg.inventory.model import Access, LteRouter
 from atlantis_netcfg.links.policy import active_bearer
 from atlantis_netcfg.operations.common.costs import ways_of
-from atlantis_netcfg.operations.common.kinds import Managed, managed
+from atlantis_netcfg.operations.common.kinds import ManagedDevice, get_managed_device
 from atlantis_netcfg.operations.common.saved_states import saved_run
 from atlantis_netcfg.operations.common.session_link import bearer_of, patient
 from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
-from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, restored
+from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, read_replacement
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
 from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
-from atlantis_netcfg.routeros.desired import Desired, from_export, read
-from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, begun, ended, without_use
+from atlantis_netcfg.routeros.desired import DesiredState, from_export, read
+from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, end_use, start_use, without_use
 from atlantis_netcfg.runs import Journal, Pins, Recorder, Store
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.links.policy import BearerRoute
     from atlantis_netcfg.operations.common.request import LinkOrder, Request
-    from atlantis_netcfg.routeros._types import Observed
+    from atlantis_netcfg.routeros._types import Observation
 
 _SSH = 22
 
@@ -38,28 +38,28 @@ def device_job(
     declaration: Declaration, host: Host, request: Request, journal: Recorder, notify: Subscriber
 ) -> DeviceJob:
     """Build the job of one device. Raises NothingMatched for a kind that the engine does not handle, RenderError."""
-    known = managed(declaration, host)
-    access = known.access
-    store = Store(request.state, rehearsed=request.rehearsed)
+    managed_device = get_managed_device(declaration, host)
+    access = managed_device.access
+    store = Store(request.state, is_rehearsal=request.rehearsed)
     ways = ways_of(declaration, host)
-    states = _states(known, request, store, ways)
+    states = _states(managed_device, request, store, ways)
     bearer = bearer_of(declaration, host, request.via.get(host.name))
     return DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
         endpoint=patient(endpoint_of(host, access, request), bearer),
-        desired=next(iter(states.values())),
-        fitting=None if "" in states else StateVariants(states, known.unfit),
+        desired_state=next(iter(states.values())),
+        fitting=None if "" in states else StateVariants(states, managed_device.unfit),
         bearer=bearer,
         events=notify,
         journal=_minding_the_sim(host, request, store, journal),
-        agreed=None if request.plans is None else request.plans.get(host.name, ""),
+        agreed_hash=None if request.plans is None else request.plans.get(host.name, ""),
         ssh=_console(host, access, request, store.pins),
         run=journal.run if isinstance(journal, Journal) else "",
-        unprotected=request.unprotected,
+        allows_unprotected=request.unprotected,
         remove_foreign=request.remove_foreign or request.rehearsed,
-        shows=None if request.use is None else partial(_unused, ways, request.use),
+        shows=None if request.use is None else partial(_check_use, ways, request.use),
         history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
 
@@ -70,10 +70,17 @@ def _history(host: Host, request: Request, store: Store, journal: Recorder) -> H
     return store.history(host.site, host.name, current=current, dead=request.run)
 
 
-def _states(known: Managed, request: Request, store: Store, ways: Sequence[BearerRoute]) -> Mapping[str, Desired]:
+def _states(
+    managed_device: ManagedDevice, request: Request, store: Store, ways: Sequence[BearerRoute]
+) -> Mapping[str, DesiredState]:
     """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
-    spent = "" if request.rehearsed else TriedPin(store.root, known.host.site, known.host.name).why_not
-    return {text.radio: replace(_desired(known.host, text.text, request, ways), spent=spent) for text in known.texts()}
+    pin_problem = (
+        "" if request.rehearsed else TriedPin(store.root, managed_device.host.site, managed_device.host.name).why_not
+    )
+    return {
+        text.radio: replace(_desired_state(managed_device.host, text.text, request, ways), pin_refusal=pin_problem)
+        for text in managed_device.texts()
+    }
 
 
 def _minding_the_sim(host: Host, request: Request, store: Store, journal: Recorder) -> Recorder:
@@ -83,37 +90,39 @@ def _minding_the_sim(host: Host, request: Request, store: Store, journal: Record
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
-def _desired(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> Desired:
+def _desired_state(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> DesiredState:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
-    declared = read(text, source=f"the desired text of {host.name}")
+    desired_state = read(text, source=f"the desired text of {host.name}")
     if request.use is not None:
-        return _ordered(declared, ways, request.use)
+        return _apply_link_order(desired_state, ways, request.use)
     if request.restore is not None:
-        confirmed = confirmed_state(request.state, host, request.restore, rehearsed=request.rehearsed)
-        return without_use(restored(confirmed, declared), declared)
+        saved_state = confirmed_state(request.state, host, request.restore, is_rehearsal=request.rehearsed)
+        return without_use(read_replacement(saved_state, desired_state), desired_state)
     if request.back_to is None:
-        return declared
-    saved = saved_run(request.state, host.site, request.back_to, rehearsed=request.rehearsed).before(host.name)
-    if saved is None:
-        raise NothingMatched(f"run {request.back_to} has saved no state of {host.name}")
-    export = from_export(saved.text(), declared.menus, source=str(saved.path))
-    before = without_use(export, declared)
+        return desired_state
+    earlier_state = saved_run(request.state, host.site, request.back_to, is_rehearsal=request.rehearsed).before(
+        host.name
+    )
+    if earlier_state is None:
+        raise NoMatchError(f"run {request.back_to} has saved no state of {host.name}")
+    export = from_export(earlier_state.text(), desired_state.menus, source=str(earlier_state.path))
+    before = without_use(export, desired_state)
     return for_any_box(before) if request.rehearsed else before
 
 
-def _ordered(declared: Desired, ways: Sequence[BearerRoute], order: LinkOrder) -> Desired:
+def _apply_link_order(desired_state: DesiredState, ways: Sequence[BearerRoute], order: LinkOrder) -> DesiredState:
     """The routes and the job of a router for an order of its links."""
     if order.link is None or order.until is None:
-        return ended(declared)
+        return end_use(desired_state)
     use = LinkUse(order.link, order.until, order.until_uptime_s)
-    return begun(declared, use, order.since_uptime_s, {way.name: way.address for way in ways})
+    return start_use(desired_state, use, order.since_uptime_s, {way.name: way.address for way in ways})
 
 
-def _unused(ways: Sequence[BearerRoute], order: LinkOrder, observed: Observed) -> str:
+def _check_use(ways: Sequence[BearerRoute], order: LinkOrder, observation: Observation) -> str:
     """Say that the link does not carry the traffic although it should by now, or nothing."""
     if order.link is None or not order.proved:
         return ""
-    active = active_bearer(observed.rows.get(ROUTES, ()), ways)
+    active = active_bearer(observation.rows.get(ROUTES, ()), ways)
     return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
 
 
@@ -131,7 +140,7 @@ def endpoint_of(host: Host, access: Access, request: Request) -> Endpoint:
 
     Raises UsageError for a device that a rehearsal has no twin of.
     """
-    pins = Store(request.state, rehearsed=request.rehearsed).pins
+    pins = Store(request.state, is_rehearsal=request.rehearsed).pins
     address, port, pin = str(access.address), access.port, access.fingerprint or pins.get(host.name)
     if request.rehearsed:
         if host.name not in request.targets:
@@ -145,7 +154,7 @@ def endpoint_of(host: Host, access: Access, request: Request) -> Endpoint:
         access.password,
         pin,
         window=pins.window(host.name) or READING_WINDOW,
-        narrowed=partial(_narrow, pins, host.name),
+        on_window_shrink=partial(_narrow, pins, host.name),
     )
 
 

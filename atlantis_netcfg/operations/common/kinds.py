@@ -1,6 +1,6 @@
 """The kinds of devices that the RouterOS engine handles: one entry a kind, and everything else asks this table.
 
-A new kind is a subclass of `Managed` in a module of its own and its name in `_KINDS`; its group stands in
+A new kind is a subclass of `ManagedDevice` in a module of its own and its name in `_KINDS`; its group stands in
 `playbooks/site.yml` (a test holds the two together).
 """
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
 from atlantis_netcfg.inventory.model import (
     Access,
@@ -84,7 +84,7 @@ class Hardware:
 
 
 @dataclass(frozen=True, slots=True)
-class Managed(ABC):
+class ManagedDevice(ABC):
     """A declared device that the RouterOS engine brings to its declared state. A kind of device is a subclass."""
 
     declaration: Declaration
@@ -141,13 +141,13 @@ _OR_WIRELESS = ", or put the package `wireless` on both if their radios can do w
 
 def families(ptp: Ptp) -> tuple[str, ...]:
     """Return the families of radio menus that can do what is declared, the one with nv2 first."""
-    allowed = ("wireless", "wifi") if ptp.menus is RadioMenus.AUTO else (ptp.menus.value,)
+    candidates = ("wireless", "wifi") if ptp.menus is RadioMenus.AUTO else (ptp.menus.value,)
     plain = ptp.protocol is PtpProtocol.IEEE_80211
     legacy = ptp.standard != _AX and not (plain and ptp.wpa == "wpa3")
-    return tuple(family for family in allowed if (legacy if family == "wireless" else plain))
+    return tuple(family for family in candidates if (legacy if family == "wireless" else plain))
 
 
-class ManagedCpe(Managed):
+class ManagedCpe(ManagedDevice):
     """Managed at its one cable, from the router's side; which menus its radio has is asked when it is read."""
 
     __slots__ = ()
@@ -189,12 +189,12 @@ class ManagedCpe(Managed):
 
     def _laptop(self, network: IPv4Network) -> str:
         boxes = (host.device for host in self.declaration.hosts.values())
-        taken = {str(box.access.address) for box in boxes if isinstance(box, Cpe)}
+        used_addresses = {str(box.access.address) for box in boxes if isinstance(box, Cpe)}
         for site in self.declaration.sites.values():
-            taken |= {str(bearer.address) for bearer in site.bearers} | {
+            used_addresses |= {str(bearer.address) for bearer in site.bearers} | {
                 str(each.address) for each in site.served_links
             }
-        free = [str(address) for address in network.hosts() if str(address) not in taken]
+        free = [str(address) for address in network.hosts() if str(address) not in used_addresses]
         return free[-1] if free else str(IPv4Interface(network[-2]).ip)
 
     @property
@@ -227,7 +227,7 @@ class ManagedCpe(Managed):
         return f"{name} {why}", todo
 
 
-class ManagedLte(Managed):
+class ManagedLte(ManagedDevice):
     """Managed at its one cable, from the router's side."""
 
     __slots__ = ()
@@ -243,9 +243,9 @@ class ManagedLte(Managed):
         device = self.host.device
         assert isinstance(device, LteRouter)  # noqa: S101 - `takes` has said so
         assert device.access is not None  # noqa: S101 - a rule of the declaration has said so
-        known = {"user": device.access.user, "password": device.access.password}
+        credentials = {"user": device.access.user, "password": device.access.password}
         port = {} if device.access.port is None else {"port": device.access.port}
-        return Access.model_validate({"address": device.address, **known, **port})
+        return Access.model_validate({"address": device.address, **credentials, **port})
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the one text."""
@@ -275,7 +275,7 @@ class ManagedLte(Managed):
         return Hardware(ports=(view.port,), modem=modem, board="LHG LTE6 kit")
 
 
-class ManagedPorts(Managed):
+class ManagedPorts(ManagedDevice):
     """A box with declared ports and perhaps a radio of its own: router and switch."""
 
     __slots__ = ()
@@ -378,20 +378,20 @@ class ManagedSwitch(ManagedPorts):
         )
 
 
-_KINDS: tuple[type[Managed], ...] = (ManagedRouter, ManagedSwitch, ManagedCpe, ManagedLte)
+_KINDS: tuple[type[ManagedDevice], ...] = (ManagedRouter, ManagedSwitch, ManagedCpe, ManagedLte)
 
 
-def handled(host: Host) -> bool:
+def is_supported(host: Host) -> bool:
     """Tell whether the RouterOS engine handles a host."""
     return any(kind.takes(host) for kind in _KINDS)
 
 
-def managed(declaration: Declaration, host: Host) -> Managed:
+def get_managed_device(declaration: Declaration, host: Host) -> ManagedDevice:
     """Return what is known of a host's kind. Raises NothingMatched if the engine does not handle it."""
     for kind in _KINDS:
         if kind.takes(host):
             return kind(declaration, host)
-    raise NothingMatched(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")
+    raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}: no role handles it yet")
 
 
 def is_unit(host: Host) -> bool:

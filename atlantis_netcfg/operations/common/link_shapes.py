@@ -44,9 +44,9 @@ class Replay:
         """What a person reads before a rehearsal over it."""
         profile = self.profile
         rtt_ms = 1000 * (_median(profile.up) + _median(profile.down))
-        emulated = ", itself a rehearsal" if profile.emulated else ""
+        origin = ", itself a rehearsal" if profile.emulated else ""
         return (
-            f"Replay: link {profile.link} is as run {profile.run} at {profile.site} measured it{emulated}: "
+            f"Replay: link {profile.link} is as run {profile.run} at {profile.site} measured it{origin}: "
             f"{rtt_ms:.0f} ms, loss {100 * profile.up.loss:.1f} % up and {100 * profile.down.loss:.1f} % down, "
             f"{len(profile.gaps)} gaps in {profile.recorded_s:.0f} s"
         )
@@ -54,8 +54,8 @@ class Replay:
     @property
     def not_rehearsed(self) -> str:
         """What a report says of it."""
-        emulated = ", which was a rehearsal itself" if self.profile.emulated else ""
-        return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{emulated}"
+        origin = ", which was a rehearsal itself" if self.profile.emulated else ""
+        return f"link {self.profile.link} as it is today: it was a replay of run {self.profile.run}{origin}"
 
     def refuse_elsewhere(self, declaration: Declaration, sites: Collection[str]) -> None:
         """Raise UsageError where no site has such a link: the rehearsal would be one of the declared links."""
@@ -71,7 +71,7 @@ def link_shapes(bearer: Bearer, replay: Replay | None = None) -> LinkShapes:
     """Give what a link does from the site and to it; `replay` counts where it is of this link."""
     rate = bearer.rate
     if replay is not None and replay.profile.link == bearer.name:
-        return replayed(replay.profile, rate.up_kbps * 1000, rate.down_kbps * 1000)
+        return build_shapes(replay.profile, rate.up_kbps * 1000, rate.down_kbps * 1000)
     gaps = tuple(DrawnGap(gap.length_s) for gap in rate.gaps for _ in range(gap.per_hour))
     up, down = (
         LinkShape(
@@ -96,7 +96,7 @@ def shapes_to(declaration: Declaration, site: str, via: str, replay: Replay | No
     return up, down
 
 
-def replayed(profile: LinkProfile, up_bps: float | None, down_bps: float | None) -> LinkShapes:
+def build_shapes(profile: LinkProfile, up_bps: float | None, down_bps: float | None) -> LinkShapes:
     """Make a profile's shapes; the rates are those where it has none of its own."""
     up = _shape(profile, profile.up, up_bps, tuple(DrawnGap(gap.seconds, not gap.up) for gap in profile.gaps))
     down = _shape(profile, profile.down, down_bps, tuple(DrawnGap(gap.seconds, not gap.down) for gap in profile.gaps))
@@ -113,7 +113,7 @@ def _shape(
         rate_bps=rate,
         loss=direction.loss,
         duplicates=direction.duplicates,
-        reordered=direction.reordered,
+        reordering=direction.reordered,
         reorder_s=direction.reorder_s,
         mtu=direction.mtu,
         delays_s=tuple(max(0.0, delay - sending_s) for delay in direction.delays_s),
@@ -130,14 +130,14 @@ def _median(direction: DirectionProfile) -> float:
 
 def open_replay(name: str, roots: Sequence[Path], sites: Sequence[str]) -> Replay:
     """Find a run by its name among those of these sites, or by a path. NoProfile; UsageError: there is none."""
-    named = Path(name).expanduser()
-    kept = [folder for root in roots for site in sites if (folder := root / site / "qualify" / name).is_dir()]
-    if "/" not in name and kept:
-        return Replay(read_profile(kept[0]), name)
-    if named.exists():
-        return Replay(read_profile(named), name)
+    path = Path(name).expanduser()
+    matches = [folder for root in roots for site in sites if (folder := root / site / "qualify" / name).is_dir()]
+    if "/" not in name and matches:
+        return Replay(read_profile(matches[0]), name)
+    if path.exists():
+        return Replay(read_profile(path), name)
     folders = [folder for root in roots for site in sites for folder in (root / site / "qualify").glob("*/")]
-    known = sorted(folder.name for folder in folders)
-    latest = f"its latest runs: {', '.join(known[-3:])}"
-    hint = latest if known else "measure the link first; the path of a run's folder is taken, too"
+    run_names = sorted(folder.name for folder in folders)
+    latest = f"its latest runs: {', '.join(run_names[-3:])}"
+    hint = latest if run_names else "measure the link first; the path of a run's folder is taken, too"
     raise UsageError(f"`--profile {name}`: {', '.join(sites)} has no such run, and no such file is there", hint=hint)

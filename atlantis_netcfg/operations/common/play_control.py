@@ -18,10 +18,10 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.processes.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 from atlantis_netcfg.runs import Run, Store
-from atlantis_netcfg.runs.records import DeviceObserved, Planned, StateSaved
+from atlantis_netcfg.runs.records import DeviceObservation, PlanRecord, StateBackup
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -41,13 +41,13 @@ class PlayControl:
     """Name of the signal, as `SIGINT`; empty: nobody has stopped it."""
     cleanups: list[Callable[[str], None]] = field(default_factory=list)
     """Called with the reason when Ansible has ended without saying so."""
-    _ignored: tuple[int, ...] = ()
+    _ignored_signals: tuple[int, ...] = ()
 
     @contextmanager
     def current(self) -> Iterator[PlayControl]:
         """Let plugins find it, and take the stop signals while it lasts. In the main thread only."""
         before = handlers()
-        self._ignored = tuple(number for number, handler in before.items() if handler is signal.SIG_IGN)
+        self._ignored_signals = tuple(number for number, handler in before.items() if handler is signal.SIG_IGN)
         _current.append(self)
         try:
             yield self
@@ -64,7 +64,7 @@ class PlayControl:
         if name := pending_stop():
             raise KeyboardInterrupt(name)
         for number in STOP_SIGNALS:
-            signal.signal(number, signal.SIG_IGN if number in self._ignored else self._stop)
+            signal.signal(number, signal.SIG_IGN if number in self._ignored_signals else self._stop)
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:
         """Hand it to the workers as Ctrl-C: the first lets them settle, the second ends them."""
@@ -94,13 +94,13 @@ def when_cut_off(cleanup: Callable[[str], None]) -> None:
         _current[-1].cleanups.append(cleanup)
 
 
-_READING = (DeviceObserved, StateSaved, Planned)
+_READING = (DeviceObservation, StateBackup, PlanRecord)
 """Records of a device on which nothing was changed or armed yet: whatever does that is recorded before it is sent."""
 
 
 def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     names: Sequence[str],
-    requested: Collection[str],
+    requested_names: Collection[str],
     declaration: Declaration,
     request: Request,
     runs: Mapping[str, Mapping[str, str]],
@@ -117,17 +117,17 @@ def without_result(  # noqa: PLR0913, PLR0917 - one call, from one place
     """
     if not names:
         return {}
-    note, results = [] if isinstance(reason, NetcfgError) else _logged(output, request), {}
+    note, results = [] if isinstance(reason, NetcfgError) else _log_output(output, request), {}
     others = other_ends(names, declaration, request)
     for name in names:
         site = declaration.hosts[name].site
-        run, written = _journal(name, site, runs.get(site, {}).values(), request)
+        run, recorded_run = _journal(name, site, runs.get(site, {}).values(), request)
         # The far end of a bridge was reached from the site of the near one.
-        start = name if name in requested else others.get(name, name)
+        start = name if name in requested_names else others.get(name, name)
         hint = f"provision resume site={declaration.hosts[start].site} run={run}"
-        if handled(declaration.hosts[name]):
+        if is_supported(declaration.hosts[name]):
             hint = f"{_TAKES_BACK}; then:  {hint}"
-        result = _result(name, run, written, str(reason) or "it has ended without a result", hint, request)
+        result = _result(name, run, recorded_run, str(reason) or "it has ended without a result", hint, request)
         if isinstance(reason, NetcfgError) and result.status is Status.LEFT_AS_FOUND:
             # A refusal has a code of its own (a declaration that cannot be used: 3), but nothing of it is green.
             result = DeviceResult(name, result.status, reason.exit or ExitCode.FAILED, str(reason), reason.hint)
@@ -140,21 +140,21 @@ def other_ends(names: Sequence[str], declaration: Declaration, request: Request)
     from atlantis_netcfg.operations.common.schedule import members_of  # noqa: PLC0415 - what plays nothing needs no pairs
 
     try:
-        members = members_of(declaration, [name for name in names if handled(declaration.hosts[name])], request)
+        members = members_of(declaration, [name for name in names if is_supported(declaration.hosts[name])], request)
     except NetcfgError:  # then nothing was begun on any of them
         return {}
-    bridged = [member.bridge.ends for member in members if member.bridge is not None]
-    return {end.name: other.name for ends in bridged for end, other in (ends, ends[::-1])}
+    bridges = [member.bridge.ends for member in members if member.bridge is not None]
+    return {end.name: other.name for ends in bridges for end, other in (ends, ends[::-1])}
 
 
 def _result(  # noqa: PLR0913, PLR0917 - as above
-    name: str, run: str, written: Run | None, reason: str, hint: str, request: Request
+    name: str, run: str, recorded_run: Run | None, reason: str, hint: str, request: Request
 ) -> DeviceResult:
     if request.mode.reads_only:
         return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"not read: {reason}", _AGAIN)
-    if written is not None and name in written.settled:
-        return _recorded(written, name, reason)
-    if (run and written is None) or (written is not None and _is_touched(written, name)):
+    if recorded_run is not None and name in recorded_run.settled_devices:
+        return _recorded_result(recorded_run, name, reason)
+    if (run and recorded_run is None) or (recorded_run is not None and _is_touched(recorded_run, name)):
         return DeviceResult(name, Status.UNKNOWN, ExitCode.UNKNOWN, f"the outcome is not known: {reason}", hint)
     return DeviceResult(name, Status.LEFT_AS_FOUND, ExitCode.FAILED, f"nothing was changed: {reason}", _AGAIN)
 
@@ -168,34 +168,34 @@ def _journal(name: str, site: str, runs: Iterable[str], request: Request) -> tup
 
     A name without a journal: that is gone, which proves nothing.
     """
-    store = Store(request.state, rehearsed=request.rehearsed)
-    for begun in dict.fromkeys(filter(None, runs)):
+    store = Store(request.state, is_rehearsal=request.rehearsed)
+    for run_id in dict.fromkeys(filter(None, runs)):
         try:
-            written = store.run(site, begun)
+            recorded_run = store.run(site, run_id)
         except NetcfgError:
-            return begun, None
-        if written.started is None:
-            return begun, None
-        if name in written.started.hosts:
-            return begun, written
+            return run_id, None
+        if recorded_run.start_record is None:
+            return run_id, None
+        if name in recorded_run.start_record.hosts:
+            return run_id, recorded_run
     return "", None
 
 
-def _is_touched(written: Run, name: str) -> bool:
+def _is_touched(recorded_run: Run, name: str) -> bool:
     """Whether anything was, or may have been, sent that changes the device."""
-    records = written.log.records
+    records = recorded_run.log.records
     return any(getattr(record, "device", None) == name and not isinstance(record, _READING) for record in records)
 
 
-def _recorded(written: Run, name: str, reason: str) -> DeviceResult:
+def _recorded_result(recorded_run: Run, name: str, reason: str) -> DeviceResult:
     """Tell how it has ended; whoever wrote that has not lived to tell it, and `resume` has nothing to do there."""
-    outcome = written.outcomes[name]
-    message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproved
-    confirmed = len(written.confirmed(name))
-    return DeviceResult(name, Status(outcome.status), code, message, _AGAIN, confirmed=confirmed)
+    outcome = recorded_run.outcomes[name]
+    message, code = f"{outcome.message}; then: {reason}", ExitCode(outcome.exit).unproven_code
+    confirmed_actions = len(recorded_run.confirmed_actions(name))
+    return DeviceResult(name, Status(outcome.status), code, message, _AGAIN, confirmed_count=confirmed_actions)
 
 
-def _logged(output: str, request: Request) -> list[str]:
+def _log_output(output: str, request: Request) -> list[str]:
     """Keep what Ansible has printed in a log file, and name it."""
     if not output:
         return []

@@ -31,14 +31,14 @@ from atlantis_netcfg.emulator.routeros import (
 )
 from atlantis_netcfg.inventory.model import Cpe, Router
 from atlantis_netcfg.operations.common.costs import ports_of
-from atlantis_netcfg.operations.common.kinds import handled, is_unit, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported, is_unit
 from atlantis_netcfg.operations.common.link_shapes import shapes_to
 from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.common.schedule import members_of, with_other_ends
 from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.computers._emulation import RehearsedComputers, rehearsed_computers
 from atlantis_netcfg.operations.lte.units import EmulatedUnit, emulated_units, not_rehearsed
-from atlantis_netcfg.routeros.assumptions import unconfirmed
+from atlantis_netcfg.routeros.assumptions import summarize_assumptions
 from atlantis_netcfg.routeros.first_contact.steps import FACTORY_ADDRESS, FACTORY_USER
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ class Rehearsal:
                 hear(truth)
             return hear is not None
         levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        self.twins.do(name, "modem", cell={"cell_id": truth.cell_id, **levels} if truth.served else None)
+        self.twins.do(name, "modem", cell={"cell_id": truth.cell_id, **levels} if truth.has_service else None)
         return True
 
     def relink(self, declaration: Declaration, host: Host, via: str) -> None:
@@ -132,12 +132,12 @@ def rehearsal(
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
     if replay is not None:
         replay.refuse_elsewhere(declaration, dict.fromkeys(host.site for host in hosts))
-    requested = {host.name for host in hosts}
-    emulated = with_other_ends(declaration, [host for host in hosts if handled(host)])
+    requested_names = {host.name for host in hosts}
+    emulated_hosts = with_other_ends(declaration, [host for host in hosts if is_supported(host)])
     others = [host for host in hosts if is_unit(host)]
-    spec = site_spec(declaration, emulated, via, {end.name for end in emulated} - requested, replay)
-    if emulated or others:
-        number = len(emulated) + len(others)
+    spec = site_spec(declaration, emulated_hosts, via, {end.name for end in emulated_hosts} - requested_names, replay)
+    if emulated_hosts or others:
+        number = len(emulated_hosts) + len(others)
         words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
         notify(Event(",".join(sorted({host.site for host in hosts})), Stage.CONNECTING, words))
     with (
@@ -156,14 +156,14 @@ def rehearsal(
             )
             for name, ready in twins.ready.items()
         }
-        with_radio = [host for host in emulated if managed(declaration, host).hardware.radios]
+        with_radio = [host for host in emulated_hosts if get_managed_device(declaration, host).hardware.radios]
         radio: tuple[str, ...] = _RADIO_NOT_REHEARSED if with_radio else ()
         if any(isinstance(host.device, Router) for host in with_radio):
             radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
-        routers = (*NOT_REHEARSED, unconfirmed()) if emulated else ()
-        replayed = () if replay is None else (replay.not_rehearsed,)
-        untold = (*replayed, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
+        routers = (*NOT_REHEARSED, summarize_assumptions()) if emulated_hosts else ()
+        replay_limits = () if replay is None else (replay.not_rehearsed,)
+        untold = (*replay_limits, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
         yield Rehearsal(targets, untold, twins, units, computers, replay)
 
 
@@ -188,13 +188,13 @@ def _air(
 ) -> Iterator[RadioPair]:
     """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
     names = [host.name for host in hosts]
-    requested = [name for name in names if name not in along]
-    request = Request(state=Path(), via=dict.fromkeys(requested, via) if via is not None else {})
-    for member in members_of(declaration, requested, request):
+    requested_names = [name for name in names if name not in along]
+    request = Request(state=Path(), via=dict.fromkeys(requested_names, via) if via is not None else {})
+    for member in members_of(declaration, requested_names, request):
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue
         near, far = member.bridge.ends
-        radios = [managed(declaration, end).hardware.radios[0] for end in (near, far)]
+        radios = [get_managed_device(declaration, end).hardware.radios[0] for end in (near, far)]
         distance = next((end.device.ptp.distance_m for end in (near, far) if isinstance(end.device, Cpe)), None)
         air = Air(distance_m=distance or _NOMINAL_M, dfs_wait_s=_LISTENS_S, weather_wait_s=_LISTENS_S)
         yield RadioPair(near=near.name, far=far.name, near_radio=radios[0], far_radio=radios[1], air=air)
@@ -224,10 +224,10 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
 
 def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> TwinSpec:
     """Describe a router's twin as it comes out of its box, with the laptop on a port of the factory's network."""
-    adopted = _twin(declaration, host, None)
-    management = adopted.router.management
-    port = next((port for port in adopted.router.ports[1:] if port != management.port), None)
-    if adopted.router.radios and len(adopted.router.ports) == 1:
+    spec = _twin(declaration, host, None)
+    management = spec.router.management
+    port = next((port for port in spec.router.ports[1:] if port != management.port), None)
+    if spec.router.radios and len(spec.router.ports) == 1:
         port = management.port  # as "CPE Router" its one port is no port of a bridge
     if port is None:
         raise UsageError(
@@ -235,14 +235,14 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
             hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/adopt.md)",
         )
     laptop = ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
-    changed = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
-    router = adopted.router.model_copy(update={**changed, "serial": serial})
-    return adopted.model_copy(update={"router": router, "link": RouterLink()})
+    changes = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
+    router = spec.router.model_copy(update={**changes, "serial": serial})
+    return spec.model_copy(update={"router": router, "link": RouterLink()})
 
 
 def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay | None = None) -> TwinSpec:
-    known = managed(declaration, host)
-    hardware, place, access = known.hardware, known.place, known.access
+    managed_device = get_managed_device(declaration, host)
+    hardware, place, access = managed_device.hardware, managed_device.place, managed_device.access
     return TwinSpec(
         router=RouterSpec(
             name=host.name,
@@ -255,7 +255,7 @@ def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay 
             packages=hardware.packages,
             users=(User(name=access.user, password=access.password.reveal()),),
             management=ManagementSpec(address=place.address, port=place.port, technician=place.technician),
-            certificates=known.certificates,
+            certificates=managed_device.certificates,
             neighbours=_around(declaration, host),
         ),
         link=link(declaration, host, bearer_of(declaration, host, via).name, replay),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from atlantis_netcfg.core.crash_report import crashed
+from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import REHEARSE, NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.paths import hold_own, state_dir
 from atlantis_netcfg.inventory import Declaration, load
@@ -28,7 +28,7 @@ ACCEPT_COST = "atlantis_accept_cost"
 """Ansible's extra variable with which a person agrees to pay: `-e atlantis_accept_cost=true`."""
 REMOVE_FOREIGN = "atlantis_remove_foreign"
 """The same for rows of others that go by the hundred."""
-REHEARSED = "atlantis_rehearse"
+REHEARSE_VARIABLE = "atlantis_rehearse"
 """Have emulated devices take the place of the real ones."""
 PLAIN_ANSIBLE = "ansible-playbook"
 """What the journal calls a run that was not asked for by `provision`."""
@@ -36,7 +36,7 @@ PLAIN_ANSIBLE = "ansible-playbook"
 
 _REQUEST = "atlantis_request"
 _BOOLEANS = {"true": True, "yes": True, "false": False, "no": False}
-_FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARSED: "rehearsed"}
+_FIELDS = {ACCEPT_COST: "accept_cost", REMOVE_FOREIGN: "remove_foreign", REHEARSE_VARIABLE: "rehearsed"}
 
 
 def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
@@ -45,18 +45,18 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
 
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
-            known = nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
-            raise UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{known}`?")
+            suggestion = nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
+            raise UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
     request = variables.get(_REQUEST) or {}
     if not isinstance(request, dict):
         raise UsageError(f"{_REQUEST} is no mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`")
     for key, value in request.items():
         if key not in Request.model_fields:
-            known = nearest(str(key), Request.model_fields) or "mode"
-            raise UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{known}`?")
+            suggestion = nearest(str(key), Request.model_fields) or "mode"
+            raise UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{suggestion}`?")
         if (why := wrong(Request, str(key), value)) is not None:
             raise UsageError(f"{_REQUEST}: {why}")
-    agreed = {}
+    options = {}
     for name, field in _FIELDS.items():
         text = str(variables.get(name, "false"))
         if text.lower() not in _BOOLEANS:
@@ -64,8 +64,8 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
                 f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
             )
         if name in variables:
-            agreed[field] = _BOOLEANS[text.lower()]
-    return {**request, **agreed}
+            options[field] = _BOOLEANS[text.lower()]
+    return {**request, **options}
 
 
 class Mode(StrEnum):
@@ -221,54 +221,54 @@ class EventStream:
                 rest = rest[os.write(self._descriptor, rest) :]
 
 
-_shared: dict[Path, Declaration] = {}
+_shared_declarations: dict[Path, Declaration] = {}
 
 
 @contextmanager
-def shared(declaration: Declaration) -> Iterator[None]:
+def share_declaration(declaration: Declaration) -> Iterator[None]:
     """Let the tasks of this process, and those that it forks, take this declaration instead of reading it again."""
     folder = declaration.root.absolute()
-    _shared[folder] = declaration
+    _shared_declarations[folder] = declaration
     try:
         yield
     finally:
-        del _shared[folder]
+        del _shared_declarations[folder]
 
 
 def declaration_of(inventory: Path, decrypt: Callable[[str], str] | None = None) -> Declaration:
     """The declaration in a folder: the shared one, or as it is read now. Raises what `site.load` raises."""
-    return _shared.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
+    return _shared_declarations.get(inventory.absolute()) or load(inventory, decrypt=decrypt)
 
 
 @contextmanager
 def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Iterator[tuple[Request, EventStream]]:
     """Give the request and its channel; what is raised within is told there, a fault of ours after it is in a log."""
-    parsed = Request.model_validate(request or {})
-    if plan_only and not parsed.mode.reads_only:
-        parsed = parsed.model_copy(update={"mode": Mode.PLAN})
-    channel = EventStream(parsed.events_fd)
+    run_request = Request.model_validate(request or {})
+    if plan_only and not run_request.mode.reads_only:
+        run_request = run_request.model_copy(update={"mode": Mode.PLAN})
+    channel = EventStream(run_request.events_fd)
     try:
-        yield parsed, channel
+        yield run_request, channel
     except NetcfgError as error:
         channel.error(error)
         raise
     except Exception as fault:
-        problem = crashed(fault, parsed.command, lambda: parsed.state)
+        problem = report_crash(fault, run_request.command, lambda: run_request.state)
         channel.error(problem)
         raise problem from fault
 
 
-_SHOWN = 3
+_MAX_LINES = 3
 """Lines with example values that a refusal names; it counts the values."""
 
 
-def refuse_examples(declaration: Declaration, *, rehearsed: bool) -> None:
+def refuse_examples(declaration: Declaration, *, is_rehearsal: bool) -> None:
     """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
-    if not declaration.pilot.example_values or rehearsed:
+    if not declaration.pilot.example_values or is_rehearsal:
         return
     hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {REHEARSE}"
     if declaration.examples:
-        first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_SHOWN])
+        first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_MAX_LINES])
         hint += (
             f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
         )

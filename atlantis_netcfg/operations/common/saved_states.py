@@ -11,10 +11,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NothingMatched
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.core.errors import NoMatchError
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.restore import LATEST
-from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
+from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, Store
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -35,74 +35,82 @@ class StartState:
     """What it says nothing about."""
     back_to: str | None = None
     restore: str | None = None
-    adopted: bool = False
+    is_ready: bool = False
     """It is as it is: nothing is done to it."""
 
 
-_LISTED = "`provision runs` lists what is there"
+_LIST_HINT = "`provision runs` lists what is there"
 
 
 def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, ...]:
     """Those hosts that a run is about, before anything is started. Raises NothingMatched when none is left."""
     result = tuple(host for host in hosts if host.name in names)
     if not result:
-        raise NothingMatched("nothing to do for any device of that run", hint=_LISTED)
+        raise NoMatchError("nothing to do for any device of that run", hint=_LIST_HINT)
     return result
 
 
-def stores(state: Path, *, rehearsed: bool) -> tuple[Store, ...]:
+def stores(state: Path, *, is_rehearsal: bool) -> tuple[Store, ...]:
     """Where runs are looked for, in this order."""
-    return tuple(Store(state, rehearsed=emulated) for emulated in ((False, True) if rehearsed else (False,)))
+    return tuple(
+        Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
+    )
 
 
-def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, rehearsed: bool = False) -> Run:
+def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, is_rehearsal: bool = False) -> Run:
     """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
 
     Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began. So is what only
     prepared the emulated devices of a rehearsal.
     Raises NothingMatched, NoSuchRun.
     """
-    places = stores(state, rehearsed=rehearsed)
+    places = stores(state, is_rehearsal=is_rehearsal)
     if name != LATEST:
-        return _named(places, site, name)
+        return _find_run(places, site, name)
     devices = tuple(hosts)
     for store in places:
         for run in reversed(store.runs(site)):
-            if run.started is not None and (run.started.back_to is not None or run.started.prepares):
+            if run.start_record is not None and (run.start_record.back_to is not None or run.start_record.prepares):
                 continue
             if run.damage or any(run.before(device) is not None for device in devices):
                 return run
-    raise NothingMatched(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LISTED)
+    raise NoMatchError(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LIST_HINT)
 
 
-def hosts_to_restore(run: Run, hosts: Sequence[Host], *, named: bool) -> tuple[Host, ...]:
-    """Return the hosts whose state before a run is put back; `named`: a person has chosen them one by one.
+def hosts_to_restore(run: Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
+    """Return the hosts whose state before a run is put back; `is_explicit`: a person has chosen them one by one.
 
     Raises StateDamaged if the journal does not tell what became of one of the others; then a person names those that
     are put back. Raises NothingMatched when none is left.
     """
-    saved = tuple(host for host in hosts if run.before(host.name) is not None)
-    known = run.started.hosts if run.started is not None else [host.name for host in hosts]
-    settled = run.settled
-    unknown = [host.name for host in hosts if host not in saved and host.name in known and host.name not in settled]
-    rest = ",".join(host.name for host in saved)
+    saved_hosts = tuple(host for host in hosts if run.before(host.name) is not None)
+    known_hosts = run.start_record.hosts if run.start_record is not None else [host.name for host in hosts]
+    settled_hosts = run.settled_devices
+    unknown = [
+        host.name
+        for host in hosts
+        if host not in saved_hosts and host.name in known_hosts and host.name not in settled_hosts
+    ]
+    rest = ",".join(host.name for host in saved_hosts)
     hint = "take another run: `provision runs` lists them"
     if rest:
         hint = f"put back only what was saved: `provision rollback site={hosts[0].site} to={run.id} only={rest}`"
-    if run.damage and not (named and saved):
+    if run.damage and not (is_explicit and saved_hosts):
         raise run.damage_error(hint)
     if unknown:
-        raise StateDamaged(f"the journal of run {run.id} does not say what became of {', '.join(unknown)}", hint=hint)
-    return hosts_of_run(hosts, [host.name for host in saved])
+        raise DamagedStateError(
+            f"the journal of run {run.id} does not say what became of {', '.join(unknown)}", hint=hint
+        )
+    return hosts_of_run(hosts, [host.name for host in saved_hosts])
 
 
-def _named(places: Sequence[Store], site: str, name: str) -> Run:
+def _find_run(places: Sequence[Store], site: str, name: str) -> Run:
     """The run of that name. Raises NoSuchRun, which lists the runs of the first place that has any."""
-    known = [store for store in places if site in store.sites()] or [*places]
-    for store in known:
+    candidates = [store for store in places if site in store.sites()] or [*places]
+    for store in candidates:
         with suppress(NoSuchRun):
             return store.run(site, name)
-    return known[0].run(site, name)
+    return candidates[0].run(site, name)
 
 
 def before_rollback(state: Path, hosts: Sequence[Host], run: Run) -> list[StartState]:
@@ -125,16 +133,16 @@ def before_resuming(state: Path, hosts: Sequence[Host], broken: Run) -> list[Sta
 
 
 def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
-    if not handled(host):
+    if not is_supported(host):
         return StartState(
             host.name,
             "a fresh one: no state of such a device is saved",
             f"what run {broken.id} has left on {host.name}: a fresh one stands for it",
-            adopted=True,
+            is_ready=True,
         )
     if broken.before(host.name) is not None:
-        done = len(broken.confirmed(host.name))
-        again = f"; the {done} actions that it had confirmed are done again" if done else ""
+        confirmed_count = len(broken.confirmed_actions(host.name))
+        again = f"; the {confirmed_count} actions that it had confirmed are done again" if confirmed_count else ""
         return StartState(
             host.name,
             f"first brought to the state before run {broken.id}{again}",
@@ -148,14 +156,14 @@ def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
         host.name,
         "no run has saved a state of it: as after its adoption",
         f"what {host.name} was before: it is as after its adoption",
-        adopted=True,
+        is_ready=True,
     )
 
 
 def _last_confirmed(state: Path, host: Host, run: Run) -> SavedState | None:
     """What was read back last by runs of the same kind: what an emulated device was stands for no real one."""
-    rehearsed = run.started is not None and run.started.rehearsed
-    return Store(state, rehearsed=rehearsed).last_confirmed(host.site, (host.name,)).get(host.name)
+    is_rehearsal = run.start_record is not None and run.start_record.rehearsed
+    return Store(state, is_rehearsal=is_rehearsal).last_confirmed(host.site, (host.name,)).get(host.name)
 
 
 def _read_back(host: Host, last: SavedState) -> StartState:

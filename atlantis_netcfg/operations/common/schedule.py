@@ -67,21 +67,21 @@ def bridges(
     `via`: host name to the bearer in use, where it differs from the declared one. `near_site`: the site at which the
     technician is, which decides where both ends are declared to be reached by cable. Raises UsageError if nothing does.
     """
-    found = []
+    bridge_list = []
     for first, second in _ends(declaration, names):
         near = _near(declaration, (first, second), via or {}, near_site)
-        found.append(Bridge(near, second if near is first else first))
-    return tuple(found)
+        bridge_list.append(Bridge(near, second if near is first else first))
+    return tuple(bridge_list)
 
 
 def _ends(declaration: Declaration, names: Sequence[str]) -> Iterator[tuple[Host, Host]]:
     """Yield each bridge once, in the order of the declaration."""
-    done: set[str] = set()
+    seen_names: set[str] = set()
     for host in declaration.hosts.values():
         peer = declaration.hosts.get(host.device.ptp.peer) if isinstance(host.device, Cpe) else None
-        if peer is None or host.name in done or not {host.name, peer.name} & set(names):
+        if peer is None or host.name in seen_names or not {host.name, peer.name} & set(names):
             continue
-        done |= {host.name, peer.name}
+        seen_names |= {host.name, peer.name}
         yield host, peer
 
 
@@ -126,7 +126,9 @@ def members_of(declaration: Declaration, names: Sequence[str], request: Request)
 
     Raises UsageError if nothing tells which end of a bridge is the near one.
     """
-    pairs = bridges(declaration, _bridged(declaration, names, request), request.via, _near_site(declaration, names))
+    pairs = bridges(
+        declaration, _without_single_ends(declaration, names, request), request.via, _near_site(declaration, names)
+    )
     ends = {end.name: pair for pair in pairs for end in pair.ends}
     members: dict[str, RunUnit] = {}
     for name in names:
@@ -142,7 +144,7 @@ def _near_site(declaration: Declaration, names: Sequence[str]) -> str:
     return sites.pop() if len(sites) == 1 else declaration.hosts[declaration.pilot.vpn.server].site
 
 
-def _bridged(declaration: Declaration, names: Sequence[str], request: Request) -> list[str]:
+def _without_single_ends(declaration: Declaration, names: Sequence[str], request: Request) -> list[str]:
     """Leave out ends that go alone.
 
     A replacement gets its state while no bridge is there, and a run that has saved one end only has changed that one.
@@ -151,19 +153,19 @@ def _bridged(declaration: Declaration, names: Sequence[str], request: Request) -
         return []
     if request.back_to is None:
         return list(names)
-    store = Store(request.state, rehearsed=request.rehearsed)
+    store = Store(request.state, is_rehearsal=request.rehearsed)
     return [
         name
         for name in names
         if all(
-            _saved(store, end, request.back_to)
+            _has_saved_state(store, end, request.back_to)
             for pair in bridges(declaration, [name], request.via, declaration.hosts[name].site)
             for end in pair.ends
         )
     ]
 
 
-def _saved(store: Store, host: Host, run: str) -> bool:
+def _has_saved_state(store: Store, host: Host, run: str) -> bool:
     try:
         return store.run(host.site, run).before(host.name) is not None
     except NetcfgError:
@@ -175,5 +177,5 @@ def _after(declaration: Declaration, hosts: Sequence[Host], names: Sequence[str]
     if request.mode.reads_only or any(isinstance(host.device, Router) for host in hosts):
         return ()
     sites = {host.site for host in hosts}
-    requested = (declaration.hosts[name] for name in names)
-    return tuple(host.name for host in requested if host.site in sites and isinstance(host.device, Router))
+    selected_hosts = (declaration.hosts[name] for name in names)
+    return tuple(host.name for host in selected_hosts if host.site in sites and isinstance(host.device, Router))

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.site_links import CABLE
 from atlantis_netcfg.routeros.estimate import BearerProfile
 
@@ -22,19 +22,19 @@ PATIENCE_S: Final = 15.0
 _REPLY_S: Final = 60.0
 """For an answer over such a link: a small board works for some seconds on a script, or waits for its flash."""
 
-LAN = BearerProfile(name=CABLE, rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, metered=False)
+LAN = BearerProfile(name=CABLE, rtt_s=0.001, rate_up_bps=100e6, rate_down_bps=100e6, is_metered=False)
 """The technician's cable: an ordinary 100 Mbit/s port."""
 
 
 def bearer_of(declaration: Declaration, host: Host, via: str | None = None) -> BearerProfile:
     """The bearer to a device; `via` overrides the declared one. Raises UsageError if the site has no such bearer."""
-    name = via or (managed(declaration, host).access.via if handled(host) else LAN.name)
+    name = via or (get_managed_device(declaration, host).access.via if is_supported(host) else LAN.name)
     if name == LAN.name:
         return LAN
     bearers = {bearer.name: bearer for bearer in declaration.sites[host.site].bearers}
     if name not in bearers:
-        known = ", ".join([LAN.name, *bearers])
-        raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {known}")
+        choices = ", ".join([LAN.name, *bearers])
+        raise UsageError(f"`via={name}`: {host.site} has no such bearer", hint=f"it has: {choices}")
     return as_bearer(bearers[name])
 
 
@@ -45,7 +45,7 @@ def patient(endpoint: Endpoint, bearer: BearerProfile) -> Endpoint:
     defaults, which outlive the gaps of 70 s of a satellite; so does what is metered, since a modem that looks for its
     network is gone for as long.
     """
-    if bearer.metered or bearer.rtt_s >= FAST_S:
+    if bearer.is_metered or bearer.rtt_s >= FAST_S:
         return endpoint
     return replace(endpoint, connect_timeout_s=PATIENCE_S, reply_timeout_s=_REPLY_S)
 
@@ -57,5 +57,5 @@ def as_bearer(bearer: Declared) -> BearerProfile:
         rtt_s=bearer.rate.rtt_ms / 1000,
         rate_up_bps=bearer.rate.up_kbps * 1000,
         rate_down_bps=bearer.rate.down_kbps * 1000,
-        metered=bearer.metered,
+        is_metered=bearer.metered,
     )

@@ -21,8 +21,8 @@ _MB: Final = 1_000_000
 
 def links_of(declaration: Declaration, site: str) -> Mapping[str, MeteredLink]:
     """Every link of a site by its name, the technician's cable among them."""
-    declared = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
-    return {CABLE: MeteredLink(CABLE, site, metered=False), **{link.name: link for link in declared}}
+    links = (_link(site, bearer) for bearer in declaration.sites[site].bearers)
+    return {CABLE: MeteredLink(CABLE, site, is_metered=False), **{link.name: link for link in links}}
 
 
 def link_of(declaration: Declaration, site: str, name: str) -> MeteredLink:
@@ -35,9 +35,9 @@ def bearer_named(declaration: Declaration, site: str, name: str) -> Bearer:
     bearers = {bearer.name: bearer for bearer in declaration.sites[site].bearers}
     if name not in bearers:
         near = nearest(name, bearers)
-        listed = f"its links are: {', '.join(bearers)}"
+        choices = f"its links are: {', '.join(bearers)}"
         raise UsageError(
-            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {listed}" if near else listed
+            f"`{site}` has no link `{name}`", hint=f"did you mean `link={near}`? {choices}" if near else choices
         )
     return bearers[name]
 

@@ -14,13 +14,13 @@ from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
 from atlantis_netcfg.links.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
 from atlantis_netcfg.operations.common.request import Mode, declaration_of, open_request
 from atlantis_netcfg.runs import (
-    ActionsConfirmed,
-    JournalFailed,
+    ActionConfirmation,
+    DamagedStateError,
+    JournalError,
     LayerSent,
-    Planned,
+    PlanRecord,
     Record,
     Recorder,
-    StateDamaged,
     Store,
     write_atomically,
 )
@@ -108,10 +108,10 @@ def look(
     device = host.device
     assert isinstance(device, SatelliteTerminal)  # noqa: S101 - callers ask `is_terminal`
     evidence = _evidence(device)
-    found = _backup(declaration.root, evidence, backup)
-    confirmed = _recorded(store).get(host.name)
-    judged = judge_evidence(host.name, evidence, found, confirmed, today)
-    findings = [replace(item, hint=item.hint and complete(item.hint, site=host.site)) for item in judged]
+    backup_file = _backup(declaration.root, evidence, backup)
+    saved_firmware = _load_firmware(store).get(host.name)
+    judgements = judge_evidence(host.name, evidence, backup_file, saved_firmware, today)
+    findings = [replace(item, hint=item.hint and complete(item.hint, site=host.site)) for item in judgements]
     return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
 
 
@@ -119,12 +119,12 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, *, plan_only: bool
 ) -> dict[str, Any]:
     """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
-    with open_request(request, plan_only=plan_only) as (performed, channel):
+    with open_request(request, plan_only=plan_only) as (run_request, channel):
         declaration = declaration_of(inventory)
-        store = Store(performed.state, rehearsed=performed.rehearsed)
+        store = Store(run_request.state, is_rehearsal=run_request.rehearsed)
         today = datetime.now(UTC).astimezone().date()
         results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
-        if performed.mode is Mode.APPLY:
+        if run_request.mode is Mode.APPLY:
             _record(store, results.values())
         channel.outcome({name: result.as_dict() for name, result in results.items()}, {})
     # Ansible prints warnings, and of a task that went well nothing else.
@@ -166,10 +166,10 @@ def _network_side(declaration: Declaration, host: Host, device: SatelliteTermina
     )
 
 
-def _backup(root: Path, evidence: SatelliteEvidence | None, named: Path | None) -> Backup | None:
+def _backup(root: Path, evidence: SatelliteEvidence | None, file: Path | None) -> Backup | None:
     """The file that a person names, or the declared one below the inventory."""
-    if named is not None:
-        return Backup(str(named), _sha256(named))
+    if file is not None:
+        return Backup(str(file), _sha256(file))
     if evidence is None or evidence.backup_file is None:
         return None
     path = root / EVIDENCE_FOLDER / evidence.backup_file
@@ -186,7 +186,7 @@ def _sha256(path: Path) -> str:
         raise UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
 
 
-def _recorded(store: Store) -> dict[str, str]:
+def _load_firmware(store: Store) -> dict[str, str]:
     """The firmware of each terminal as the last run has recorded it. Raises StateDamaged.
 
     A run that may change devices records which one was declared: the next run says if it has changed.
@@ -198,11 +198,11 @@ def _recorded(store: Store) -> dict[str, str]:
         return {}
     except (OSError, ValueError, AttributeError) as error:
         hint = "remove it: the next run records anew what is declared"
-        raise StateDamaged(f"the record of the terminals cannot be read: {path}", hint=hint) from error
+        raise DamagedStateError(f"the record of the terminals cannot be read: {path}", hint=hint) from error
 
 
 def _record(store: Store, results: Iterable[TerminalResult]) -> None:
-    before = _recorded(store)
+    before = _load_firmware(store)
     after = {**before, **{result.name: result.evidence.firmware for result in results if result.evidence is not None}}
     if after != before:
         store.root.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -246,7 +246,7 @@ class TriedPin:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
             write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
         except OSError as error:
-            raise JournalFailed(
+            raise JournalError(
                 f"it cannot be noted that a PIN is tried: {error.strerror or error} ({self.path})",
                 hint="make room on the disk or correct its permissions, then run the same command again",
             ) from error
@@ -259,24 +259,24 @@ class TriedPin:
 class PinRecorder:
     """A journal that notes, before a PIN is sent, that it is tried; and forgets that once it was read back as taken."""
 
-    def __init__(self, inner: Recorder, tried: TriedPin) -> None:
+    def __init__(self, inner: Recorder, pin_attempt: TriedPin) -> None:
         self._inner = inner
-        self._tried = tried
+        self._pin_attempt = pin_attempt
         self._numbers: frozenset[int] = frozenset()
         self._sent = False
 
     def write(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
-        if isinstance(record, Planned):
+        if isinstance(record, PlanRecord):
             self._numbers = frozenset(
                 action.number for action in record.actions if action.menu == _MENU and _FIELD in dict(action.values)
             )
         elif isinstance(record, LayerSent) and self._numbers & set(record.actions):
-            self._tried.remember()
+            self._pin_attempt.remember()
             self._sent = True
         self._inner.write(record)
-        if isinstance(record, ActionsConfirmed) and self._sent:
-            self._tried.forget()
+        if isinstance(record, ActionConfirmation) and self._sent:
+            self._pin_attempt.forget()
 
     def save(self, device: str, text: str) -> None:
         """As the journal does."""

@@ -38,8 +38,8 @@ from atlantis_netcfg.links.standing_traffic import (
     added_up,
     canaries,
     keep_alive,
-    published,
     time_questions,
+    topic_flow,
 )
 from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros.render import router_view
@@ -64,11 +64,11 @@ def standing_traffic(declaration: Declaration, site: str) -> tuple[StandingTraff
     """Of each bearer of a site, in order of preference."""
     links = links_of(declaration, site)
     uplinks = _uplinks(declaration, site)
-    probed, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
+    probe_flows, budgets = _of_canaries(uplinks), dict(_budgets(declaration, site, uplinks))
     return tuple(
         StandingTraffic(
             links[bearer.name],
-            added_up((*probed.get(bearer.name, ()), *_shared(declaration, site, bearer))),
+            added_up((*probe_flows.get(bearer.name, ()), *_shared_flows(declaration, site, bearer))),
             budgets.get(bearer.name, ""),
         )
         for bearer in declaration.sites[site].bearers
@@ -84,12 +84,14 @@ def _budgets(declaration: Declaration, site: str, uplinks: Iterable[Uplink]) -> 
     """Bearer to how its canaries keep to their budget, in words, of those that have one."""
     budgets = {bearer.name: bearer.canary_budget_bytes for bearer in declaration.sites[site].bearers}
     for uplink in uplinks:
-        judged, budget = uplink.judged, budgets[uplink.name]
-        if judged is not None and judged.unsteady_bytes is not None and budget is not None:
-            month = size(MONTH_DAYS * judged.daily_bytes)
+        probe_plan, budget = uplink.probing, budgets[uplink.name]
+        if probe_plan is not None and probe_plan.unsteady_bytes is not None and budget is not None:
+            month = size(MONTH_DAYS * probe_plan.daily_bytes)
             words = (
-                f"each canary is asked every {judged.watch_s:.0f} s: {month} of the {size(round(budget))} a month that "
-                f"are declared for it; on a day on which the link comes and goes, up to {size(judged.unsteady_bytes)}"
+                f"each canary is asked every {probe_plan.watch_s:.0f} s: "
+                f"{month} of the {size(round(budget))} a month that "
+                "are declared for it; on a day on which the link comes and goes, "
+                f"up to {size(probe_plan.unsteady_bytes)}"
             )
             yield uplink.name, words
 
@@ -98,15 +100,15 @@ def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...
     """Bearer to what its canaries are asked."""
     result: dict[str, tuple[StandingFlow, ...]] = {}
     for uplink in uplinks:
-        if uplink.judged is not None:
-            asking = [canaries(len(uplink.canaries), uplink.judged.watch_s)]
-            if uplink.judged.checked:
+        if uplink.probing is not None:
+            asking = [canaries(len(uplink.canaries), uplink.probing.watch_s)]
+            if uplink.probing.has_gateway_check:
                 asking.append(canaries(len(uplink.canaries), _CHECK_GATEWAY_S))
             result[uplink.name] = tuple(asking)
     return result
 
 
-def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
+def _shared_flows(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic; `bearer`, because reliable topics depend on its pace."""
     clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
@@ -117,7 +119,7 @@ def _shared(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[Sta
         if name != site:
             without = links_without_dds(declaration, name)
             slowest = max(other.bearers, key=lambda each: (each.name not in without, each.rate.rtt_ms))
-            yield from (flow.mirrored() for flow in _through_the_vpn(declaration, name, slowest))
+            yield from (flow.mirror() for flow in _through_the_vpn(declaration, name, slowest))
 
 
 def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
@@ -148,8 +150,8 @@ def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileVi
     if declaration.pilot.dds is None:
         return []
     hosts = [host for host in declaration.site_hosts(site) if isinstance(host.device, Gateway | ControlCentre)]
-    found = [(view.address, view) for view in (profile_in_use(declaration, host) for host in hosts)]
-    return found + [(address, found[0][1]) for address in _foreign(declaration, site) if found]
+    computers = [(view.address, view) for view in (profile_in_use(declaration, host) for host in hosts)]
+    return computers + [(address, computers[0][1]) for address in _foreign(declaration, site) if computers]
 
 
 def _foreign(declaration: Declaration, site: str) -> list[str]:
@@ -165,15 +167,15 @@ def _announcements(
     here = {address for address, _ in computers}
     for address, view in senders:
         for name, peer in view.peers:
-            sent, refused = _pair(view, peer)
+            outgoing, refusal_bytes = _pair(view, peer)
             if peer in here and peer != address and view.over is DdsPath.VPN:
-                yield StandingFlow(TrafficSource.DDS, sent + refused, sent + refused)
+                yield StandingFlow(TrafficSource.DDS, outgoing + refusal_bytes, outgoing + refusal_bytes)
             elif peer not in here and not (view.over is DdsPath.LAN and name in declaration.vehicles):
                 host = declaration.hosts.get(name)
-                received, refused_here = _pair(view, peer)
+                incoming, refused_here = _pair(view, peer)
                 if host is not None:
-                    received, refused_here = _pair(profile_in_use(declaration, host), address)
-                yield StandingFlow(TrafficSource.DDS, sent + refused_here, received + refused)
+                    incoming, refused_here = _pair(profile_in_use(declaration, host), address)
+                yield StandingFlow(TrafficSource.DDS, outgoing + refused_here, incoming + refusal_bytes)
 
 
 def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
@@ -184,20 +186,20 @@ def _pair(view: ProfileView, peer: str) -> tuple[float, float]:
     announcing = view.announcing
     if all(address != peer for _, address in view.peers):
         announcing = replace(announcing, ports=0)
-    return announcing.sent(1, view.vpn), announcing.refused(1, view.vpn)
+    return announcing.announcement_bytes(1, view.vpn), announcing.refusal_bytes(1, view.vpn)
 
 
 def _telemetry(declaration: Declaration, site: str, view: ProfileView, pace: LinkPace) -> StandingFlow:
     """What the vehicles that are tested at a site publish to each control centre."""
-    named = declaration.sites[site].checklist.vehicles
+    vehicle_names = declaration.sites[site].checklist.vehicles
     topics = [
         steady(item)
         for key, vehicle in declaration.vehicles.items()
-        if named is None or key in named
+        if vehicle_names is None or key in vehicle_names
         for item in vehicle.telemetry
     ]
     costs = ((topic.rate_hz, view.messages.cost(topic, pace)) for topic in topics)
-    return published(costs, control_centres(declaration))
+    return topic_flow(costs, control_centres(declaration))
 
 
 def publishing_profile(declaration: Declaration, site: str) -> ProfileView | None:
@@ -249,10 +251,10 @@ def _without_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding:
 
 def inventory_warnings(declaration: Declaration) -> tuple[Finding, ...]:
     """The declaration's own warnings, and every bearer that is over its budget, by place."""
-    found = list(declaration.warnings)
+    findings = list(declaration.warnings)
     for name, site in declaration.sites.items():
         for bearer, traffic in zip(site.bearers, standing_traffic(declaration, name), strict=True):
             over = over_budget(bearer, traffic) if bearer.has_standing_budget else None
             if over is not None:
-                found.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
-    return tuple(sorted(found))
+                findings.append(Finding.at(declaration.places[name, bearer.name], over.message, over.hint or ""))
+    return tuple(sorted(findings))

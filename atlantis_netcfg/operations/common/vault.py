@@ -119,7 +119,7 @@ def _keep_metadata() -> None:
     finder: Any = import_module("ansible.utils.collection_loader._collection_finder")
     parse = finder._meta_yml_to_dict  # noqa: SLF001 - as above
 
-    def kept(text: bytes | str, content: object) -> Mapping[str, Any]:
+    def parse_with_cache(text: bytes | str, content: object) -> Mapping[str, Any]:
         folder = paths.private_cache("ansible") if isinstance(text, bytes) and len(text) > _LARGE else None
         if folder is None:
             read: Mapping[str, Any] = parse(text, content)
@@ -127,14 +127,14 @@ def _keep_metadata() -> None:
         assert isinstance(text, bytes)  # noqa: S101 - see above
         path = folder / f"{hashlib.sha256(text).hexdigest()}.json"
         with suppress(OSError, ValueError):
-            if isinstance(known := json.loads(path.read_bytes()), dict):
-                return known
+            if isinstance(cache_entry := json.loads(path.read_bytes()), dict):
+                return cache_entry
         read = parse(text, content)
         with suppress(OSError):
             write_atomically(path, json.dumps(read).encode())
         return read
 
-    finder._meta_yml_to_dict = kept  # noqa: SLF001 - as above
+    finder._meta_yml_to_dict = parse_with_cache  # noqa: SLF001 - as above
 
 
 def is_configured() -> bool:
@@ -165,7 +165,7 @@ class Vault:
     def secrets(self) -> list[tuple[str, Any]]:
         """Vault id and `VaultSecret`, as Ansible's classes take them. Raises UsageError without any."""
         if self._secrets is None:
-            self._secrets = self._found()
+            self._secrets = self._collect_secrets()
         return self._secrets
 
     def decrypt(self, text: str) -> str:
@@ -183,11 +183,11 @@ class Vault:
         return str(VaultLib(self.secrets).encrypt(text.encode(), secret=secret).decode())
 
     @property
-    def opened(self) -> list[tuple[str, Any]]:
+    def known_secrets(self) -> list[tuple[str, Any]]:
         """The same without asking anybody: empty where no value of the inventory needed them."""
         return self._secrets or []
 
-    def _found(self) -> list[tuple[str, Any]]:
+    def _collect_secrets(self) -> list[tuple[str, Any]]:
         import_ansible()
         # ansible reads its configuration when it is imported: most commands need neither.
         from ansible import constants  # noqa: PLC0415

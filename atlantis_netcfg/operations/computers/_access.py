@@ -40,14 +40,14 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
     target = request.targets.get(host.name) if request.rehearsed else None
     alias = f"-o HostKeyAlias={host.name}"
     if target is not None:
-        known = f"-o StrictHostKeyChecking=yes -o UserKnownHostsFile={target.known_hosts}"
+        host_key_options = f"-o StrictHostKeyChecking=yes -o UserKnownHostsFile={target.known_hosts}"
         key = f"-o IdentityFile={target.identity} -o IdentitiesOnly=yes"
         return {
             "host": target.host,
             "port": target.port,
             "user": "root",
             "become": False,
-            "ssh_args": f"{alias} {known} {key}",
+            "ssh_args": f"{alias} {host_key_options} {key}",
             "metered": "",
         }
     return {
@@ -56,7 +56,7 @@ def computer_access(declaration: Declaration, host: Host, request: Request) -> M
         "user": device.account,
         "become": device.account != "root",
         "ssh_args": f"{alias} -o StrictHostKeyChecking=yes{_declared_key(host, request)}",
-        "metered": bearer.name if bearer.metered else "",
+        "metered": bearer.name if bearer.is_metered else "",
     }
 
 

@@ -107,33 +107,37 @@ def rehearsed_computers(
     public = _key(folder / "key")
     with ExitStack() as stack:
         ground = stack.enter_context(lab.open_lab(folder))
-        machines = {host.name: _started(ground, declaration, host, root, public) for host in computers}
+        machines = {host.name: _start_machine(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
         serving = [host.device for host in computers if isinstance(host.device, ServerComputer)]
         servers = any(map(is_server, computers))
-        images = {host.name: _imaged(machines[host.name], host.device, root) for host in computers}
-        served = _served(stack, ground, declaration, folder) if any(device.has_ros2 for device in serving) else None
-        authority, untold = _founded(declaration, folder) if servers else _introduced(declaration, computers, folder)
+        images = {host.name: _provide_images(machines[host.name], host.device, root) for host in computers}
+        stand_ins = (
+            _serve_stand_ins(stack, ground, declaration, folder) if any(device.has_ros2 for device in serving) else None
+        )
+        authority, untold = (
+            _server_authority(declaration, folder) if servers else _client_identities(declaration, computers, folder)
+        )
         result = (
             *((_CLOCK,) if serving else ()),
             *((_NETWORK,) if any(map(_declares_network, computers)) else ()),
             *(line for line in lab.NOT_REHEARSED if not line.startswith("the clock:")),
-            *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if served is not None else ()),
-            *((_SERVICES,) if any(map(_hosted, serving)) else ()),
+            *((*stubs.NOT_REHEARSED, *NO_LIBRARY) if stand_ins is not None else ()),
+            *((_SERVICES,) if any(map(_service_programs, serving)) else ()),
             *(NO_IMAGES if any(images.values()) else ()),
             *untold,
         )
         yield RehearsedComputers(
-            machines, targets, stubs=served, images=images, authority=authority, not_rehearsed=result
+            machines, targets, stubs=stand_ins, images=images, authority=authority, not_rehearsed=result
         )
 
 
-def _founded(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
+def _server_authority(declaration: Declaration, folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Make an authority for the server; gives its folder, and what it does not stand for."""
-    return found(declaration, folder / "vpn"), NOT_REHEARSED
+    return create_authority(declaration, folder / "vpn"), NOT_REHEARSED
 
 
-def _introduced(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
+def _client_identities(declaration: Declaration, hosts: Sequence[Host], folder: Path) -> tuple[Path, tuple[str, ...]]:
     """Make identities for gateways that no server of this rehearsal knows; gives their folder, and what is lacking."""
     from atlantis_netcfg.vpn import rehearsal  # noqa: PLC0415 - as above
 
@@ -146,15 +150,15 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     All of them for any site, so that one tree is made. Packages of ROS come from the stand-ins, at their own place in
     the run.
     """
-    requested = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
+    package_names = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
     for host in declaration.hosts.values():
         if isinstance(host.device, ServerComputer):
-            requested |= {item.name for item in gateway_base(declaration, host).packages}
-            requested |= {package.name for package in gateway_interop(declaration, host).packages}
-    return lab.TreeSpec(packages=tuple(sorted(requested)))
+            package_names |= {item.name for item in gateway_base(declaration, host).packages}
+            package_names |= {package.name for package in gateway_interop(declaration, host).packages}
+    return lab.TreeSpec(packages=tuple(sorted(package_names)))
 
 
-def _served(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder: Path) -> StandIns | None:
+def _serve_stand_ins(stack: ExitStack, ground: lab.Lab, declaration: Declaration, folder: Path) -> StandIns | None:
     """Serve stand-ins for the archive of ROS and for the partners' repositories; None: no ROS is declared."""
     pilot = declaration.pilot
     if pilot.dds is None or pilot.gateways.ros2 is None:
@@ -189,31 +193,31 @@ def _declares_network(host: Host) -> bool:
     return isinstance(host.device, SiteComputer) and host.device.network is not None
 
 
-def _started(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
+def _start_machine(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, SshHost)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-    started = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
+    machine = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
     if not isinstance(device, ServerComputer):
-        return started
-    started.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
-    started.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
-    started.run("systemctl daemon-reload")
-    for service, program in _hosted(device):
-        started.put(program.path, stubs.service_program(service.transport.value, service.port or 0), mode="0755")
-    return started
+        return machine
+    machine.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
+    machine.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
+    machine.run("systemctl daemon-reload")
+    for service, program in _service_programs(device):
+        machine.put(program.path, stubs.service_program(service.transport.value, service.port or 0), mode="0755")
+    return machine
 
 
-def _imaged(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
+def _provide_images(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
     """Bring stand-ins for the images of its containers to where a person brings the real ones."""
     if not isinstance(device, ServerComputer):
         return {}
-    declared: dict[str, tuple[ServiceContainer | Ros1Bridge | None, str, int]] = {
+    containers: dict[str, tuple[ServiceContainer | Ros1Bridge | None, str, int]] = {
         each.name: (each.container, each.transport.value, each.port or 0) for each in device.services
     }
-    declared[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
+    containers[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
     images = {}
-    for name, (box, kind, port) in declared.items():
+    for name, (box, kind, port) in containers.items():
         if box is not None and box.archive is not None:
             archive = stubs.service_image(root, kind, port)
             images[name] = hashlib.sha256(archive).hexdigest()
@@ -223,15 +227,15 @@ def _imaged(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
     return images
 
 
-def _hosted(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:
+def _service_programs(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:
     """What is started for the services of a computer."""
     return [(service, service.program) for service in device.services if service.program is not None]
 
 
 def _target(machine: lab.Machine, folder: Path) -> Target:
-    known = folder / f"{machine.name}.known"
-    write_atomically(known, f"{machine.name} {machine.host_key}\n".encode())
-    return Target(host="127.0.0.1", port=machine.port, known_hosts=str(known), identity=str(folder / "key"))
+    known_hosts = folder / f"{machine.name}.known"
+    write_atomically(known_hosts, f"{machine.name} {machine.host_key}\n".encode())
+    return Target(host="127.0.0.1", port=machine.port, known_hosts=str(known_hosts), identity=str(folder / "key"))
 
 
 def _key(path: Path) -> str:
@@ -250,7 +254,7 @@ NOT_REHEARSED = (
 _WHO = "rehearsal"
 
 
-def found(declaration: Declaration, folder: Path) -> Path:
+def create_authority(declaration: Declaration, folder: Path) -> Path:
     """Make it, with an identity for every declared host that is a client of the VPN; gives the folder."""
     passphrase = Secret(secrets.token_urlsafe(24))
     authority = Authority.init(folder, passphrase, server_names(declaration), _WHO)
@@ -262,6 +266,6 @@ def found(declaration: Declaration, folder: Path) -> Path:
         write_atomically(path, data)
         return HandoutFile(str(path), hashlib.sha256(data).hexdigest())
 
-    with authority.unlocked(lambda: passphrase, _WHO) as signer:
+    with authority.unlock(lambda: passphrase, _WHO) as signer:
         signer.issue([request_of(declaration, DeviceWords(host=name)) for name in computers(declaration)], deliver)
     return folder

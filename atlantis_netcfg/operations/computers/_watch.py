@@ -19,7 +19,7 @@ from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, declaration_of
 from atlantis_netcfg.operations.computers._access import is_computer, key_trouble
 from atlantis_netcfg.routeros.apply import Status
-from atlantis_netcfg.runs import NOT_RECORDED, ActionsConfirmed, JournalFailed, Outcome, conclude
+from atlantis_netcfg.runs import NOT_RECORDED, ActionConfirmation, JournalError, Outcome, conclude
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -42,14 +42,14 @@ class ComputerResult:
     notes: list[str] = field(default_factory=list)
     findings: list[str] = field(default_factory=list)
     """What is not as declared and stopped nothing; no green end."""
-    shown: list[str] = field(default_factory=list)
+    diffs: list[str] = field(default_factory=list)
     """Differences of texts, as `diff -u` has them."""
     failure: str | None = None
     hint: str | None = None
     status: Status = Status.UNCHANGED
     seconds: float = 0.0
-    recorded: bool = True
-    reached: bool = True
+    is_recorded: bool = True
+    was_reached: bool = True
 
     def ok(self, task: str, values: Mapping[str, Any]) -> None:
         """Take what a task has changed: our modules name each change, of any other the task's name is the change."""
@@ -58,9 +58,9 @@ class ComputerResult:
         if not values.get("changed"):
             return
         self.changes += [str(change) for change in values.get("changes") or (task,)]
-        self.shown += _differences(values.get("diff"))
+        self.diffs += _differences(values.get("diff"))
         if self.status is Status.UNCHANGED:
-            self.status = self._changed
+            self.status = self._change_status
 
     def _find(self, findings: list[str], hint: object) -> None:
         if not findings:
@@ -70,7 +70,7 @@ class ComputerResult:
         if self.mode is Mode.DRIFT:
             self.status = Status.DRIFTED
 
-    def failed(self, task: str, values: Mapping[str, Any], status: Status) -> None:
+    def fail(self, task: str, values: Mapping[str, Any], status: Status) -> None:
         """Take why a task failed."""
         words = str(values.get("msg") or "no reason was given").strip()
         self.failure = f"{task}: {words}"
@@ -85,35 +85,35 @@ class ComputerResult:
         if (trouble := key_trouble(self.name, words)) is not None:
             words, self.hint = trouble
         self.failure = f"not reached: {words.rpartition('reached over ssh: ')[2]}"
-        self.reached = False
+        self.was_reached = False
         self.status = Status.LEFT_AS_FOUND
 
-    def rescued(self) -> None:
+    def recover(self) -> None:
         """Forget a failure that the role itself has dealt with."""
         if self.failure is None:
             return
-        self.failure, self.hint, self.reached = None, None, True
-        drifted = self.findings and self.mode is Mode.DRIFT
-        self.status = self._changed if self.changes or drifted else Status.UNCHANGED
+        self.failure, self.hint, self.was_reached = None, None, True
+        has_drift = self.findings and self.mode is Mode.DRIFT
+        self.status = self._change_status if self.changes or has_drift else Status.UNCHANGED
 
-    def unrecorded(self, failure: JournalFailed) -> None:
+    def add_journal_failure(self, failure: JournalError) -> None:
         """Take why the result is not in the journal: it is not green then."""
-        self.recorded = False
+        self.is_recorded = False
         self.hint = self.hint or failure.hint
         self.notes.append(str(failure))
 
     @property
-    def _changed(self) -> Status:
+    def _change_status(self) -> Status:
         return {Mode.PLAN: Status.PLANNED, Mode.DRIFT: Status.DRIFTED}.get(self.mode, Status.CHANGED)
 
     @property
     def exit(self) -> ExitCode:
         """The exit code of a run that ended so on its only device."""
-        found = self.findings and self.status is not Status.PLANNED
-        return self.status.exit if self.recorded and not found else self.status.exit.unproved
+        has_findings = self.findings and self.status is not Status.PLANNED
+        return self.status.exit if self.is_recorded and not has_findings else self.status.exit.unproven_code
 
     @property
-    def confirmed(self) -> int:
+    def confirmed_actions(self) -> int:
         """Changes that its tasks have made; of a run that failed none is counted."""
         return 0 if self.mode.reads_only or self.failure is not None else len(self.changes)
 
@@ -121,7 +121,7 @@ class ComputerResult:
     def message(self) -> str:
         """What stands in the report beside its name."""
         text = "; finding: ".join([self._message, *self.findings])
-        return text if self.recorded else f"{text}; {NOT_RECORDED}"
+        return text if self.is_recorded else f"{text}; {NOT_RECORDED}"
 
     @property
     def _message(self) -> str:
@@ -156,16 +156,16 @@ class ComputerResult:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data, with every key of a device's result."""
-        lines = [*(f"  {change}" for change in self.changes), *self.shown]
+        lines = [*(f"  {change}" for change in self.changes), *self.diffs]
         return {
             "status": self.status.value,
-            "reached": self.reached,
+            "reached": self.was_reached,
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint and complete(self.hint, site=self.site, device=self.name),
             "busy": "",
             "planned": len(self.changes),
-            "confirmed": self.confirmed,
+            "confirmed": self.confirmed_actions,
             "diff": "\n".join(lines),
             "drift": [],
             "comparison": self._comparison() if self.mode is Mode.DRIFT and self.failure is None else None,
@@ -217,8 +217,8 @@ class Watch:
     _sites: dict[str, str] = field(default_factory=dict)
     """Host to site."""
     _results: dict[str, ComputerResult] = field(default_factory=dict)
-    _started: dict[str, float] = field(default_factory=dict)
-    _answered: set[str] = field(default_factory=set)
+    _start_times: dict[str, float] = field(default_factory=dict)
+    _answered_hosts: set[str] = field(default_factory=set)
     _running: dict[str, str] = field(default_factory=dict)
     """Host to the task that it is at."""
 
@@ -238,9 +238,9 @@ class Watch:
         try:
             declaration = declaration_of(self.inventory)
             computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
-            called = RunName()
+            run_name = RunName()
             for site in sorted({host.site for host in computers}):
-                self._turns[site] = SiteRun(declaration, site, computers, request, called)
+                self._turns[site] = SiteRun(declaration, site, computers, request, run_name)
                 self._turns[site].begin()
                 self._tell_run(site)
         except NetcfgError as error:
@@ -250,10 +250,10 @@ class Watch:
         self._sites = {host.name: host.site for host in computers}
         self._results = {name: ComputerResult(name, request.mode, site) for name, site in self._sites.items()}
 
-    def started(self, host: str, task: str) -> None:
+    def start_task(self, host: str, task: str) -> None:
         """A task begins on a host."""
         if host in self._results:
-            self._started.setdefault(host, time.monotonic())
+            self._start_times.setdefault(host, time.monotonic())
             self._running[host] = task
             stage = Stage.OBSERVED if self.plan_only else Stage.APPLYING
             self._channel.event(Event(host, stage, task))
@@ -264,34 +264,34 @@ class Watch:
         if host in self._results:
             self._results[host].ok(task, values)
             if "per_host" not in values and "include" not in values:
-                self._answered.add(host)
+                self._answered_hosts.add(host)
 
-    def failed(self, host: str, task: str, values: Mapping[str, Any]) -> None:
+    def fail_task(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """A task failed, and with it the host."""
         self._running.pop(host, None)
         if host in self._results:
             status = Status.LEFT_AS_FOUND if not values.get("rolled_back") else Status.ROLLED_BACK
-            self._results[host].failed(task, values, status)
+            self._results[host].fail(task, values, status)
 
     def unreachable(self, host: str, task: str, values: Mapping[str, Any]) -> None:
         """The host does not answer: if it never did it is as it was; how far a task had come nobody knows."""
         self._running.pop(host, None)
         if host in self._results:
             result = self._results[host]
-            if host not in self._answered:
+            if host not in self._answered_hosts:
                 result.not_reached(values)
             else:
-                result.failed(task, values, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
+                result.fail(task, values, Status.LEFT_AS_FOUND if result.mode.reads_only else Status.UNKNOWN)
             result.hint = result.hint or "look at its power and its cable, then type the same again"
 
-    def end(self, failed: Collection[str]) -> None:
-        """Tell and journal how each host ended, and free the sites; a failure of a host not in `failed` was rescued."""
+    def end(self, failed_hosts: Collection[str]) -> None:
+        """Report and journal the end of each host, release the sites; a failure not in `failed_hosts` was rescued."""
         for name, result in self._results.items():
-            if name not in self._started:
+            if name not in self._start_times:
                 continue  # refused before its first task: that was told already
-            if name not in failed:
-                result.rescued()
-            result.seconds = time.monotonic() - self._started[name]
+            if name not in failed_hosts:
+                result.recover()
+            result.seconds = time.monotonic() - self._start_times[name]
             turn = self._turns[self._sites[name]]
             self._journal(turn, result)
             runs = {} if self._reads_only else {self._sites[name]: {"computers": turn.run}}
@@ -301,11 +301,11 @@ class Watch:
     def cut_off(self, reason: str) -> None:
         """The playbook has ended without its last event: whoever was at a task may have carried it out, or a part."""
         for name, result in self._results.items():
-            if result.failure is None and name in self._started:
+            if result.failure is None and name in self._start_times:
                 task = self._running.get(name)
-                unknown = task is not None and name in self._answered and not result.mode.reads_only
+                unknown = task is not None and name in self._answered_hosts and not result.mode.reads_only
                 status = Status.UNKNOWN if unknown else Status.LEFT_AS_FOUND
-                result.failed(task or "stopped before its next task", {"msg": reason}, status)
+                result.fail(task or "stopped before its next task", {"msg": reason}, status)
                 result.hint = "type the same again: it goes on from whatever is there"
         self.end(self._results)
 
@@ -322,9 +322,9 @@ class Watch:
     @staticmethod
     def _journal(turn: SiteRun, result: ComputerResult) -> None:
         """Record how a computer ended; after the last one of its site, how the run ended."""
-        actions = tuple(range(1, result.confirmed + 1))
-        confirmed = (ActionsConfirmed(device=result.name, actions=actions),) if actions else ()
+        actions = tuple(range(1, result.confirmed_actions + 1))
+        confirmations = (ActionConfirmation(device=result.name, actions=actions),) if actions else ()
         outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        for failure in (conclude(turn.journal, *confirmed, outcome), turn.ended(result)):
+        for failure in (conclude(turn.journal, *confirmations, outcome), turn.finish(result)):
             if failure is not None:
-                result.unrecorded(failure)
+                result.add_journal_failure(failure)

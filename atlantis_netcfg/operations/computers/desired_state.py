@@ -46,9 +46,9 @@ def fetching(declaration: Declaration, host: Host, request: Request, bundle: str
     }
 
 
-def narrowed(desired: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
+def narrow(desired_state: Mapping[str, Any], how: Mapping[str, Any], bundle: str | None) -> dict[str, Any]:
     """Give a part its ways: to packages by `how`, to sources that are built in the bundle alone, if there is one."""
-    values = dict(desired)
+    values = dict(desired_state)
     if values.get("packages") is not None:
         values["packages"] = {**values["packages"], **how}
     if values.get("build") is not None and bundle is not None:
@@ -70,22 +70,24 @@ def perform(
     inventory: Path, hosts: Sequence[str], request: Mapping[str, Any] | None, part: str, *, plan_only: bool
 ) -> dict[str, Any]:
     """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
-    with open_request(request, plan_only=plan_only) as (requested, _):
+    with open_request(request, plan_only=plan_only) as (run_request, _):
         if part not in PARTS:
             raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
         declaration = declaration_of(inventory)
         computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
-        refuse_examples(declaration, rehearsed=requested.rehearsed)
-        gate(declaration, computers, requested)
+        refuse_examples(declaration, is_rehearsal=run_request.rehearsed)
+        gate(declaration, computers, run_request)
         _watch.refuse()
         if part == ACCESS:
-            _open_bundle(declaration, computers, requested)
-            refuse_unfounded(computers, requested)
-        bundle = bundle_of(requested.offline)
+            _open_bundle(declaration, computers, run_request)
+            refuse_unfounded(computers, run_request)
+        bundle = bundle_of(run_request.offline)
         return {
             "per_host": {
-                host.name: narrowed(
-                    PARTS[part](declaration, host, requested), fetching(declaration, host, requested, bundle), bundle
+                host.name: narrow(
+                    PARTS[part](declaration, host, run_request),
+                    fetching(declaration, host, run_request, bundle),
+                    bundle,
                 )
                 for host in computers
                 if concerns(part, host)
@@ -104,4 +106,4 @@ def _open_bundle(declaration: Declaration, computers: Sequence[Host], request: R
         )
     from atlantis_netcfg.operations import bundle as bundling  # noqa: PLC0415 - most runs have no bundle
 
-    bundling.opened(declaration, computers, request.offline, request)
+    bundling.open_for_hosts(declaration, computers, request.offline, request)

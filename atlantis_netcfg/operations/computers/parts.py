@@ -27,27 +27,27 @@ SERVER = "openvpn_server"
 
 
 def _ros2(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    served = request.standins if request.rehearsed else None
-    if served is None:
+    stand_ins = request.standins if request.rehearsed else None
+    if stand_ins is None:
         return gateway_ros2(declaration, host).as_dict()
-    key = ArchiveKey(base64.b64decode(served.key), served.fingerprint)
-    stand_in = StandIn(served.archive, key, served.codename, served.distribution)
+    key = ArchiveKey(base64.b64decode(stand_ins.key), stand_ins.fingerprint)
+    stand_in = StandIn(stand_ins.archive, key, stand_ins.codename, stand_ins.distribution)
     return gateway_ros2(declaration, host, stand_in).as_dict()
 
 
 def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
-    desired = gateway_interop(declaration, host).as_dict()
-    served = request.standins if request.rehearsed else None
-    if served is not None and desired["build"] is not None:
-        for repository in filter(None, (desired["build"]["library"], desired["build"]["examples"])):
-            repository["url"] = f"{served.repositories}/{repository['url'].rpartition('/')[2]}"
-    return desired
+    desired_state = gateway_interop(declaration, host).as_dict()
+    stand_ins = request.standins if request.rehearsed else None
+    if stand_ins is not None and desired_state["build"] is not None:
+        for repository in filter(None, (desired_state["build"]["library"], desired_state["build"]["examples"])):
+            repository["url"] = f"{stand_ins.repositories}/{repository['url'].rpartition('/')[2]}"
+    return desired_state
 
 
 def _base(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     """In a rehearsal without the network, which is that of the machine, and which its tools do not own."""
     images = request.images.get(host.name) if request.rehearsed else None
-    return gateway_base(declaration, host, rehearsed=request.rehearsed, images=images).as_dict()
+    return gateway_base(declaration, host, is_rehearsal=request.rehearsed, images=images).as_dict()
 
 
 def _dds(declaration: Declaration, host: Host, _request: Request) -> Mapping[str, Any]:

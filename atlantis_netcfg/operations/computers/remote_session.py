@@ -20,7 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.processes.remote_bundle import INSTALL, Tool, build_live
 from atlantis_netcfg.operations.computers._access import key_trouble
 
@@ -33,7 +33,7 @@ class ServerAway(OutcomeUnknown):
     """The server was not reached: nothing was changed there."""
 
 
-class HostKeyChanged(ServerAway):
+class HostKeyMismatch(ServerAway):
     """Somebody answers at the server's address who has another host key: nothing was told to him."""
 
 
@@ -41,7 +41,7 @@ class AnswerLost(OutcomeUnknown):
     """The server was asked, and its answer did not come whole."""
 
 
-class ServerRefused(DeviceFailed):
+class ServerRefusal(DeviceError):
     """The server has said why it does not do what it was asked for."""
 
 
@@ -58,7 +58,7 @@ class RecordOlder(NetcfgError):
         )
 
 
-_KEPT: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterval=20 -o ServerAliveCountMax=6"
+_SSH_OPTIONS: Final = "-o ControlMaster=auto -o ControlPersist=30m -o ServerAliveInterval=20 -o ServerAliveCountMax=6"
 """As in ansible.cfg: 6 unanswered probes of 20 s outlive a gap of 70 s."""
 _CONNECT_S: Final = 120
 """Ansible's `timeout` there."""
@@ -67,9 +67,9 @@ _NOT_FOUND: Final = 127
 
 def ssh_command(access: Mapping[str, Any]) -> Sequence[str]:
     """Program and options up to the host; a command follows them. Ansible's own variables of the environment count."""
-    kept = os.environ.get("ANSIBLE_SSH_ARGS", _KEPT)
-    words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(kept)]
-    if "ControlPersist" in kept:
+    ssh_options = os.environ.get("ANSIBLE_SSH_ARGS", _SSH_OPTIONS)
+    words = ["ssh", "-T", "-o", "BatchMode=yes", *shlex.split(access["ssh_args"]), *shlex.split(ssh_options)]
+    if "ControlPersist" in ssh_options:
         words += ["-o", f"ControlPath={control_path(access['host'], access['port'], access['user'])}"]
     if key := os.environ.get("ANSIBLE_PRIVATE_KEY_FILE"):
         words += ["-o", f"IdentityFile={key}"]
@@ -90,7 +90,7 @@ def ssh_error(name: str, access: Mapping[str, Any], code: int | None, text: str)
     where = f"{access['user']}@{access['host']}, port {access['port']}"
     last = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), f"exit {code}")
     if (trouble := key_trouble(name, text)) is not None:
-        return HostKeyChanged(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+        return HostKeyMismatch(f"{name} at {access['host']}: {trouble[0]}", hint=trouble[1])
     if "Permission denied" in text:
         return ServerAway(
             f"{name} was reached, and does not let you in as {access['user']}: {last}",
@@ -115,7 +115,7 @@ PYTHON: Final = (3, 8)
 _MARK: Final = b"ATLANTIS-VPN "
 """Before each answer, because shells greet (`vpn_serve.py`)."""
 _ASKS: Final = "ATLANTIS-PYTHON "
-_INSTALLED: Final = "ATLANTIS-RESULT "
+_INSTALL_MARK: Final = "ATLANTIS-RESULT "
 """What the installing program says goes after it; it says something only where it fails."""
 _VERSION: Final = f'import sys; print("\\n{_ASKS}%d %d" % sys.version_info[:2])'
 _START_S: Final = 150.0
@@ -161,11 +161,11 @@ class _RemoteLink:
         if self._process is None:
             self._start()
         self._number += 1
-        self._send(_packed({"id": self._number, "do": do, **what}) + b"\n")
+        self._send(_pack({"id": self._number, "do": do, **what}) + b"\n")
         self.round_trips += 1
         answer = self._answer(do)
         if "refused" in answer:
-            raise ServerRefused(f"{self.name}: {answer['refused']}", hint=answer.get("hint") or None)
+            raise ServerRefusal(f"{self.name}: {answer['refused']}", hint=answer.get("hint") or None)
         if "broken" in answer:
             raise AnswerLost(
                 f"{self.name}: the toolkit's program there failed at `{do}`: {answer['broken']}",
@@ -173,7 +173,7 @@ class _RemoteLink:
             )
         result = answer.get("done")
         if not isinstance(result, dict):
-            raise self._lost(do)
+            raise self._loss_error(do)
         return result
 
     def close(self) -> None:
@@ -210,34 +210,34 @@ class _RemoteLink:
         while True:
             line = self._line(end)
             if line is None:
-                raise self._ended()
+                raise self._end_error()
             if line.startswith(_ASKS.encode()):
                 self._install(tool, line)
-            elif line.startswith(_INSTALLED.encode()):
+            elif line.startswith(_INSTALL_MARK.encode()):
                 raise _not_installed(self.name, line)
             elif line.startswith(_MARK):
                 return
 
     def _install(self, tool: Tool, line: bytes) -> None:
-        found = tuple(int(number[:9]) for number in line.split()[1:] if number.isdigit())
-        if found < PYTHON:
-            is_there, needed = (".".join(map(str, version)) for version in (found, PYTHON))
+        python_release = tuple(int(number[:9]) for number in line.split()[1:] if number.isdigit())
+        if python_release < PYTHON:
+            is_there, minimum = (".".join(map(str, version)) for version in (python_release, PYTHON))
             raise ServerAway(
-                f"{self.name} has Python {is_there}, and at least {needed} is needed",
+                f"{self.name} has Python {is_there}, and at least {minimum} is needed",
                 hint="that comes with Debian 11 and Ubuntu 20.04",
             )
-        self._send(INSTALL.read_bytes() + tool.packed)
+        self._send(INSTALL.read_bytes() + tool.payload)
         self.round_trips += 1
 
     def _send(self, data: bytes) -> None:
         assert self._process is not None  # noqa: S101 - callers have started it
         assert self._process.stdin is not None  # noqa: S101 - as above
-        left = memoryview(data)
+        rest = memoryview(data)
         try:
-            while left:
-                left = left[os.write(self._process.stdin.fileno(), left) :]
+            while rest:
+                rest = rest[os.write(self._process.stdin.fileno(), rest) :]
         except OSError as error:
-            raise self._lost() from error
+            raise self._loss_error() from error
 
     def _answer(self, do: str) -> dict[str, Any]:
         end = time.monotonic() + _ANSWER_S
@@ -245,12 +245,12 @@ class _RemoteLink:
             if not line.startswith(_MARK):
                 continue
             try:
-                answer = _unpacked(line[len(_MARK) :])
+                answer = _unpack(line[len(_MARK) :])
             except ValueError:
                 break
             if answer.get("id") == self._number:
                 return answer
-        raise self._lost(do)
+        raise self._loss_error(do)
 
     def _line(self, end: float) -> bytes | None:
         """The next line; None: it has ended, or has not come in time."""
@@ -265,11 +265,11 @@ class _RemoteLink:
         line, _, self._buffer = self._buffer.partition(b"\n")
         return line.strip()
 
-    def _ended(self) -> ServerAway:
+    def _end_error(self) -> ServerAway:
         code = self._code()
         return self._trouble(code, self._last_words())
 
-    def _lost(self, do: str = "") -> AnswerLost:
+    def _loss_error(self, do: str = "") -> AnswerLost:
         code = self._code()
         why = self._last_words().strip().splitlines()[-1:] or [f"exit {code}" if code is not None else "no answer"]
         return AnswerLost(
@@ -318,7 +318,7 @@ def _command(tool: Tool) -> str:
     """Run the tool if it is there and whole; else say which Python is there, and wait for the tool."""
     path = f"{FOLDER}/{tool.sha256}.pyz"
     program = f"import sys; exec(sys.stdin.buffer.read({INSTALL.stat().st_size}))"
-    words = (FOLDER, tool.sha256, str(len(tool.packed)), _INSTALLED, "serve")
+    words = (FOLDER, tool.sha256, str(len(tool.payload)), _INSTALL_MARK, "serve")
     return (
         f"if echo '{tool.sha256}  {path}' | sha256sum -c --status 2>/dev/null; then exec python3 -I {path}; fi; "
         f"python3 -I -c {shlex.quote(_VERSION)} && "
@@ -326,11 +326,11 @@ def _command(tool: Tool) -> str:
     )
 
 
-def _packed(values: dict[str, Any]) -> bytes:
+def _pack(values: dict[str, Any]) -> bytes:
     return base64.b64encode(zlib.compress(json.dumps(values, separators=(",", ":")).encode(), 6))
 
 
-def _unpacked(line: bytes) -> dict[str, Any]:
+def _unpack(line: bytes) -> dict[str, Any]:
     """Raises ValueError for a line that is torn."""
     try:
         result = json.loads(zlib.decompressobj().decompress(base64.b64decode(line, validate=True), _MOST))
@@ -341,9 +341,9 @@ def _unpacked(line: bytes) -> dict[str, Any]:
     return result
 
 
-def _not_installed(name: str, line: bytes) -> ServerRefused:
+def _not_installed(name: str, line: bytes) -> ServerRefusal:
     try:
-        result = json.loads(line[len(_INSTALLED) :])
-        return ServerRefused(f"{name}: {result['msg']}", hint=result.get("hint") or None)
+        result = json.loads(line[len(_INSTALL_MARK) :])
+        return ServerRefusal(f"{name}: {result['msg']}", hint=result.get("hint") or None)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return ServerRefused(f"{name}: the toolkit's program was not installed, and it is not said why")
+        return ServerRefusal(f"{name}: the toolkit's program was not installed, and it is not said why")

@@ -72,9 +72,11 @@ def _declaration(inventory: Path) -> tuple[Declaration | None, DoctorItem | None
         return load(inventory), None
     except InventoryInvalid as error:
         number = len(error.findings)
-        measured = f"{inventory} has {number} error{'s' if number > 1 else ''}; what follows from it is not looked at"
+        observation = (
+            f"{inventory} has {number} error{'s' if number > 1 else ''}; what follows from it is not looked at"
+        )
         commands = ("provision validate",)
-        return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, measured, "", commands)
+        return None, DoctorItem(DoctorSection.KEYS, "declaration", Verdict.FAIL, observation, "", commands)
 
 
 def _hosts(declaration: Declaration | None, site: str | None) -> tuple[Host, ...]:
@@ -109,29 +111,29 @@ def _way_items(
         if declaration is None or site is None:
             yield judge_ports(read_network(None))
             return
-        for place in router_places(declaration, site, via, _pinned(state)):
+        for place in router_places(declaration, site, via, _pin_reader(state)):
             yield from _towards(place)
     except NetworkUnreadable as trouble:
         yield DoctorItem(DoctorSection.WAY, "network", Verdict.INCONCLUSIVE, str(trouble))
 
 
-def _pinned(state: Path | None) -> Callable[[str], str | None]:
+def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
     """The certificate that this computer knows of a device; a damaged file of them is an item of its own."""
 
-    def pinned(device: str) -> str | None:
+    def read_pin(device: str) -> str | None:
         try:
             return Store(state).pins.get(device) if state is not None else None
         except NetcfgError:
             return None
 
-    return pinned
+    return read_pin
 
 
 def _towards(place: RouterPlace) -> Iterator[DoctorItem]:
     """The way to a router, and the router itself where the way is right."""
     if place.example:
-        measured = f"the addresses of {place.site} are examples, which lead to nobody's devices"
-        yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, measured)
+        observation = f"the addresses of {place.site} are examples, which lead to nobody's devices"
+        yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, observation)
         yield judge_ports(read_network(None))
         return
     way = judge_way(place, read_network(place.address))

@@ -28,38 +28,38 @@ _SET = "sudo timedatectl set-ntp true"
 _PATIENCE_S = 5.0
 
 
-def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: tuple[str, ...] = ()) -> DoctorItem:
-    return DoctorItem(DoctorSection.CLOCK, name, verdict, measured, hint, commands)
+def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: tuple[str, ...] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.CLOCK, name, verdict, observation, hint, commands)
 
 
 def judge_time(now: datetime, earlier: Mapping[str, datetime], ends: datetime | None = None) -> DoctorItem:
     """`earlier`: what happened before now, and when; `ends`: the last day of the VPN's authority."""
-    shown = f"{now:%Y-%m-%d %H:%M} UTC"
+    time_text = f"{now:%Y-%m-%d %H:%M} UTC"
     if not earlier:
-        return _item("time", Verdict.WARN, f"{shown}: there is nothing here to compare it with")
+        return _item("time", Verdict.WARN, f"{time_text}: there is nothing here to compare it with")
     what, latest = max(earlier.items(), key=lambda each: each[1])
     if now + _TOLERANCE < latest:
         return _item(
-            "time", Verdict.FAIL, f"{shown} is before {what} ({latest:%Y-%m-%d %H:%M} UTC)", "set it:", (_SET,)
+            "time", Verdict.FAIL, f"{time_text} is before {what} ({latest:%Y-%m-%d %H:%M} UTC)", "set it:", (_SET,)
         )
     if ends is not None and now > ends:
         return _item(
             "time",
             Verdict.FAIL,
-            f"{shown} is after the end of the VPN's authority ({ends:%Y-%m-%d})",
+            f"{time_text} is after the end of the VPN's authority ({ends:%Y-%m-%d})",
             "set the clock; if it is right, make a new authority",
         )
-    return _item("time", Verdict.PASS, f"{shown}, after {what} ({latest:%Y-%m-%d})")
+    return _item("time", Verdict.PASS, f"{time_text}, after {what} ({latest:%Y-%m-%d})")
 
 
-def judge_synchronised(printed: str | None) -> DoctorItem:
+def judge_synchronised(output: str | None) -> DoctorItem:
     """What `timedatectl show` prints; None where it is not there or cannot be asked."""
-    known = dict(line.partition("=")[::2] for line in (printed or "").splitlines())
-    state = known.get("NTPSynchronized")
+    properties = dict(line.partition("=")[::2] for line in (output or "").splitlines())
+    state = properties.get("NTPSynchronized")
     if state == "yes":
         return _item("time server", Verdict.PASS, "the clock is set by a time server")
     if state == "no":
-        off = known.get("NTP") == "no"
+        off = properties.get("NTP") == "no"
         return _item(
             "time server",
             Verdict.WARN,
@@ -73,17 +73,17 @@ def judge_synchronised(printed: str | None) -> DoctorItem:
 def clock_items(checkout: Path, runs: Sequence[Run], authority: Path | None) -> Iterator[DoctorItem]:
     """Look at this computer's clock."""
     begins, ends = _authority_dates(authority)
-    seen = {
+    times = {
         "the newest commit of this checkout": _commit(checkout),
-        "the last set-up of .venv": _modified(checkout / ".venv" / "run.stamp"),
+        "the last set-up of .venv": _modification_time(checkout / ".venv" / "run.stamp"),
         "the latest run": _latest_run(runs),
         "the VPN's authority was made": begins,
     }
-    yield judge_time(datetime.now(UTC), {what: when for what, when in seen.items() if when is not None}, ends)
-    yield judge_synchronised(_printed(["timedatectl", "show"]))
+    yield judge_time(datetime.now(UTC), {what: when for what, when in times.items() if when is not None}, ends)
+    yield judge_synchronised(_read_output(["timedatectl", "show"]))
 
 
-def _printed(words: list[str]) -> str | None:
+def _read_output(words: list[str]) -> str | None:
     if shutil.which(words[0]) is None:
         return None
     try:
@@ -99,11 +99,11 @@ def _commit(checkout: Path) -> datetime | None:
     """When the newest commit was made; None for a checkout that is none, or that git does not read for this user."""
     if not (checkout / ".git").exists():
         return None
-    printed = (_printed(["git", "-C", str(checkout), "log", "-1", "--format=%ct"]) or "").strip()
-    return datetime.fromtimestamp(int(printed), UTC) if printed.isdecimal() else None
+    timestamp = (_read_output(["git", "-C", str(checkout), "log", "-1", "--format=%ct"]) or "").strip()
+    return datetime.fromtimestamp(int(timestamp), UTC) if timestamp.isdecimal() else None
 
 
-def _modified(file: Path) -> datetime | None:
+def _modification_time(file: Path) -> datetime | None:
     try:
         return datetime.fromtimestamp(file.stat().st_mtime, UTC)
     except OSError:

@@ -28,12 +28,12 @@ _OTHERS = 0o077
 _OTHERS_WRITE = 0o022
 
 
-def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
-    return DoctorItem(DoctorSection.FOLDERS, name, verdict, measured, hint, tuple(commands))
+def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.FOLDERS, name, verdict, observation, hint, tuple(commands))
 
 
 @dataclass(frozen=True, slots=True)
-class RoomNeed:
+class SpaceRequirement:
     """How much room a place should have, in bytes."""
 
     name: str
@@ -44,25 +44,25 @@ class RoomNeed:
     purpose: str
 
 
-def room_needs(state: Path, cache: Path) -> tuple[RoomNeed, ...]:
+def room_needs(state: Path, cache: Path) -> tuple[SpaceRequirement, ...]:
     """The places that commands fill."""
     return (
-        RoomNeed("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
-        RoomNeed("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
-        RoomNeed("room for images", temporary.roomy(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"),
+        SpaceRequirement("room for records", state, 50 * _MB, 500 * _MB, "journals and saved states"),
+        SpaceRequirement("room for the cache", cache, 50 * _MB, 2000 * _MB, "the Debian of a rehearsal as root"),
+        SpaceRequirement("room for images", temporary.roomy(), 50 * _MB, 8000 * _MB, "images of cards, and bundles"),
     )
 
 
-def judge_room(need: RoomNeed, free: int) -> DoctorItem:
+def judge_room(need: SpaceRequirement, free: int) -> DoctorItem:
     """Whether that is enough."""
-    shown = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
+    free_text = f"{free / 1e9:.1f} GB" if free >= 1000 * _MB else f"{free / _MB:.0f} MB"
     if free < need.fail:
-        measured = f"{shown} free at {need.place}, for {need.purpose}"
-        return _item(need.name, Verdict.FAIL, measured, "delete what you need no more")
+        observation = f"{free_text} free at {need.place}, for {need.purpose}"
+        return _item(need.name, Verdict.FAIL, observation, "delete what you need no more")
     if free < need.warn:
-        measured = f"{shown} free at {need.place}; {need.warn / 1e9:.1f} GB are good for {need.purpose}"
-        return _item(need.name, Verdict.WARN, measured, "make room")
-    return _item(need.name, Verdict.PASS, f"{shown} free at {need.place}")
+        observation = f"{free_text} free at {need.place}; {need.warn / 1e9:.1f} GB are good for {need.purpose}"
+        return _item(need.name, Verdict.WARN, observation, "make room")
+    return _item(need.name, Verdict.PASS, f"{free_text} free at {need.place}")
 
 
 def _standing(place: Path) -> Path:
@@ -103,12 +103,12 @@ def checkout_item(root: Path) -> DoctorItem:
     name = "checkout"
     open_to_all = [each for each in (root, root / ".venv") if each.is_dir() and each.stat().st_mode & _OTHERS_WRITE]
     if open_to_all:
-        listed = " ".join(shlex.quote(str(each)) for each in open_to_all)
+        path_list = " ".join(shlex.quote(str(each)) for each in open_to_all)
         return _item(
             name,
             Verdict.WARN,
-            f"others can write to {listed}, and so change what you run",
-            commands=[f"chmod go-w {listed}"],
+            f"others can write to {path_list}, and so change what you run",
+            commands=[f"chmod go-w {path_list}"],
         )
     if not os.access(root, os.W_OK):
         return _item(name, Verdict.PASS, f"{root}; its owner updates it, you cannot write to it")
@@ -118,12 +118,12 @@ def checkout_item(root: Path) -> DoctorItem:
 def leftovers_item(dead: Sequence[Path]) -> DoctorItem:
     """Temporary folders of killed commands that no command could remove; the others are gone when this begins."""
     if dead:
-        listed = ", ".join(map(str, dead))
+        path_list = ", ".join(map(str, dead))
         words = " ".join(shlex.quote(str(each)) for each in dead)
         return _item(
             "leftovers",
             Verdict.WARN,
-            f"left by commands that were killed, and could not be removed: {listed}",
+            f"left by commands that were killed, and could not be removed: {path_list}",
             "if something is mounted in it (`findmnt`), unmount that first; then:",
             [f"sudo rm -r --one-file-system {words}"],
         )
@@ -136,7 +136,7 @@ def unfinished_item(runs: Sequence[Run]) -> DoctorItem:
         return _item("open runs", Verdict.PASS, "none")
     first = runs[0]
     more = f" (and {len(runs) - 1} more)" if len(runs) > 1 else ""
-    devices = ", ".join(sorted(first.unsettled))
+    devices = ", ".join(sorted(first.unsettled_devices))
     return _item(
         "open runs",
         Verdict.WARN,
@@ -151,7 +151,7 @@ class RunsRead:
     """The runs of this computer."""
 
     runs: tuple[Run, ...]
-    unfinished: tuple[Run, ...]
+    unfinished_runs: tuple[Run, ...]
     trouble: NetcfgError | None = None
     """Why they could not be read."""
 
@@ -164,7 +164,7 @@ def read_runs(store: Store | None, site: str | None) -> RunsRead:
         sites = [each for each in store.sites() if site in (None, each)]
         return RunsRead(
             tuple(run for each in sites for run in store.runs(each)),
-            tuple(run for each in sites for run in store.unfinished(each)),
+            tuple(run for each in sites for run in store.unfinished_runs(each)),
         )
     except NetcfgError as error:
         return RunsRead((), (), error)
@@ -180,4 +180,4 @@ def folder_items(state: Path, root: Path, read: RunsRead) -> Iterator[DoctorItem
     if read.trouble is not None:
         yield _item("open runs", Verdict.FAIL, str(read.trouble), read.trouble.hint or "")
     else:
-        yield unfinished_item(read.unfinished)
+        yield unfinished_item(read.unfinished_runs)

@@ -35,7 +35,7 @@ class DoctorItem:
     section: DoctorSection
     name: str
     verdict: Verdict
-    measured: str
+    observation: str
     """What was seen, in words; never a secret."""
     hint: str = ""
     """What to do, in words."""
@@ -48,7 +48,7 @@ class DoctorItem:
             "section": self.section.name.lower(),
             "name": self.name,
             "verdict": str(self.verdict),
-            "measured": self.measured,
+            "measured": self.observation,
             "hint": self.hint,
             "commands": list(self.commands),
         }
@@ -85,8 +85,8 @@ class Diagnosis:
     @property
     def counts(self) -> Mapping[Verdict, int]:
         """How many items have each verdict, the worst first; verdicts that nothing has are left out."""
-        found = Counter(item.verdict for item in self.items)
-        return {verdict: found[verdict] for verdict in reversed(Verdict) if found[verdict]}
+        count_by_verdict = Counter(item.verdict for item in self.items)
+        return {verdict: count_by_verdict[verdict] for verdict in reversed(Verdict) if count_by_verdict[verdict]}
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""

@@ -20,7 +20,7 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import InventoryInvalid, load
 from atlantis_netcfg.inventory.model import LteRouter, SiteComputer, SshHost
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.vault import PROMPTS
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.operations.trust import has_identity
@@ -36,8 +36,8 @@ _OTHERS = 0o077
 """Permission bits of everybody but the owner."""
 
 
-def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
-    return DoctorItem(DoctorSection.KEYS, name, verdict, measured, hint, tuple(commands))
+def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.KEYS, name, verdict, observation, hint, tuple(commands))
 
 
 def examples_item(declaration: Declaration) -> DoctorItem:
@@ -54,31 +54,31 @@ def examples_item(declaration: Declaration) -> DoctorItem:
 
 def secrets_item(inventory: Path, decrypt: Callable[[str], str]) -> DoctorItem:
     """Open every encrypted value of a valid inventory once. `decrypt` may ask for the password."""
-    opened = 0
+    secret_count = 0
 
-    def counted(text: str) -> str:
-        nonlocal opened
+    def count_and_decrypt(text: str) -> str:
+        nonlocal secret_count
         secret = decrypt(text)
-        opened += 1
+        secret_count += 1
         return secret
 
     try:
-        load(inventory, decrypt=counted)
+        load(inventory, decrypt=count_and_decrypt)
     except InventoryInvalid as error:
         first = error.findings[0]
         place = f"{first.file}:{first.line}"
         return _item("vault", Verdict.FAIL, f"{place}: {first.message}", first.hint)
     except UsageError as error:
         return _item("vault", Verdict.INCONCLUSIVE, str(error), (error.hint or "").partition("\n")[0])
-    if not opened:
+    if not secret_count:
         return _item("vault", Verdict.PASS, "no value of the inventory is encrypted, so no password is needed")
-    return _item("vault", Verdict.PASS, f"the password opens all {opened} encrypted values")
+    return _item("vault", Verdict.PASS, f"the password opens all {secret_count} encrypted values")
 
 
 def password_files(environ: Mapping[str, str]) -> tuple[Path, ...]:
     """The files with passwords of the vault that the environment names, as Ansible reads it."""
-    named = [each.rpartition("@")[2] for each in environ.get("ANSIBLE_VAULT_IDENTITY_LIST", "").split(",")]
-    files = [*named, environ.get("ANSIBLE_VAULT_PASSWORD_FILE", "")]
+    identity_files = [each.rpartition("@")[2] for each in environ.get("ANSIBLE_VAULT_IDENTITY_LIST", "").split(",")]
+    files = [*identity_files, environ.get("ANSIBLE_VAULT_PASSWORD_FILE", "")]
     return tuple(Path(file.strip()).expanduser() for file in files if file.strip() and file.strip() not in PROMPTS)
 
 
@@ -113,14 +113,14 @@ def laptop_keys(home: Path, agent: str = "") -> tuple[LaptopKey, ...]:
     folder = home / ".ssh"
     files = [path for path in sorted(folder.glob("*.pub")) if path.with_suffix("").is_file()]
     files += [path for path in _named_in_config(folder / "config", home) if path.is_file() and path not in files]
-    found = [LaptopKey(public, path.with_suffix("")) for path in files if (public := _public(_text(path)))]
-    return (*found, *(LaptopKey(public, None) for line in agent.splitlines() if (public := _public(line))))
+    file_keys = [LaptopKey(public, path.with_suffix("")) for path in files if (public := _public(_text(path)))]
+    return (*file_keys, *(LaptopKey(public, None) for line in agent.splitlines() if (public := _public(line))))
 
 
 def _named_in_config(config: Path, home: Path) -> Iterator[Path]:
     for name in re.findall(r"^\s*IdentityFile[ \t=]+(\S+)", _text(config), re.MULTILINE | re.IGNORECASE):
-        named = name.strip('"').replace("%d", str(home))
-        yield Path(f"{home}{named[1:]}.pub" if named.startswith("~/") else f"{named}.pub")
+        path = name.strip('"').replace("%d", str(home))
+        yield Path(f"{home}{path[1:]}.pub" if path.startswith("~/") else f"{path}.pub")
 
 
 def _text(file: Path) -> str:
@@ -135,16 +135,16 @@ def _public(line: str) -> str:
     return f"{words[0]} {words[1]}" if len(words) > 1 and words[1].startswith("AAAA") else ""
 
 
-def keys_item(host: str, declared: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
+def keys_item(host: str, allowed_keys: Sequence[str], keys: Sequence[LaptopKey]) -> DoctorItem:
     """Whether this laptop has a private key that the host's declared ones let in."""
     name = f"SSH key for {host}"
-    allowed = {_public(line) for line in declared}
-    fitting = [key for key in keys if key.public in allowed]
+    public_keys = {_public(line) for line in allowed_keys}
+    fitting = [key for key in keys if key.public in public_keys]
     if not fitting:
         return _item(
             name,
             Verdict.FAIL,
-            f"none of its {len(allowed)} declared keys is in ~/.ssh, or in the agent",
+            f"none of its {len(public_keys)} declared keys is in ~/.ssh, or in the agent",
             f"work on a laptop that has one, or add yours to `ssh_keys` in host_vars/{host}.yml",
         )
     in_agent = next((key for key in fitting if key.file is None), None)
@@ -161,7 +161,7 @@ def keys_item(host: str, declared: Sequence[str], keys: Sequence[LaptopKey]) -> 
     return _item(name, Verdict.PASS, f"{key.file}")
 
 
-def _printed(words: Sequence[str]) -> str:
+def _read_output(words: Sequence[str]) -> str:
     """What a program of OpenSSH prints; nothing where it is not there, or fails."""
     if shutil.which(words[0]) is None:
         return ""
@@ -182,13 +182,13 @@ def _printed(words: Sequence[str]) -> str:
 
 def agent_keys() -> str:
     """The public keys of the agent, if one runs."""
-    return _printed(["ssh-add", "-L"]) if os.environ.get("SSH_AUTH_SOCK") else ""
+    return _read_output(["ssh-add", "-L"]) if os.environ.get("SSH_AUTH_SOCK") else ""
 
 
 def in_known_hosts(name: str, home: Path) -> bool:
     """Whether OpenSSH knows a host key under the name of the host."""
     files = (home / ".ssh" / "known_hosts", home / ".ssh" / "known_hosts2", Path("/etc/ssh/ssh_known_hosts"))
-    return any(_printed(["ssh-keygen", "-F", name, "-f", str(file)]) for file in files if file.is_file())
+    return any(_read_output(["ssh-keygen", "-F", name, "-f", str(file)]) for file in files if file.is_file())
 
 
 def known_devices_item(
@@ -218,11 +218,11 @@ def known_devices_item(
 
 
 def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callable[[str], bool]) -> bool:
-    if handled(host):
-        return bool(managed(declaration, host).access.fingerprint or pins.get(host.name))
+    if is_supported(host):
+        return bool(get_managed_device(declaration, host).access.fingerprint or pins.get(host.name))
     if isinstance(host.device, LteRouter):
-        declared = host.device.access.fingerprint if host.device.access is not None else None
-        return bool(declared or pins.get(host.name))
+        fingerprint = host.device.access.fingerprint if host.device.access is not None else None
+        return bool(fingerprint or pins.get(host.name))
     assert isinstance(host.device, SshHost)  # noqa: S101 - `has_identity` has said so
     return host.device.ssh.host_key is not None or is_known(host.name)
 

@@ -32,13 +32,13 @@ class LaptopPort:
     name: str
     up: bool
     carrier: bool
-    wired: bool
+    is_wired: bool
     """A card, or what stands for one."""
     card: bool
     wireless: bool
     speed_mbps: int | None
     addresses: tuple[IPv4Interface, ...]
-    managed: bool = False
+    is_managed: bool = False
     """NetworkManager would take away what is set by hand."""
 
 
@@ -57,7 +57,7 @@ class NetworkFacts:
     """What the kernel says, towards one address."""
 
     ports: tuple[LaptopPort, ...]
-    taken: KernelRoute | None
+    best_route: KernelRoute | None
     """By which a packet to the address goes; None: there is no route."""
     matching: tuple[KernelRoute, ...]
     """Rows of the main table that the address falls into, the default ones included."""
@@ -87,7 +87,7 @@ class IpPrints:
     links: str
     addresses: str
     defaults: str
-    taken: str = "[]"
+    best_route: str = "[]"
     matching: str = "[]"
 
 
@@ -96,10 +96,10 @@ def facts_of(prints: IpPrints, cards: Mapping[str, CardFacts], managed_ports: fr
     try:
         addresses = {row["ifname"]: tuple(_addresses(row)) for row in _rows(prints.addresses)}
         ports = tuple(_port(row, addresses.get(row["ifname"], ()), cards, managed_ports) for row in _rows(prints.links))
-        taken = [_route(row) for row in _rows(prints.taken)]
+        best_routes = [_route(row) for row in _rows(prints.best_route)]
         return NetworkFacts(
             ports=ports,
-            taken=taken[0] if taken else None,
+            best_route=best_routes[0] if best_routes else None,
             matching=tuple(map(_route, _rows(prints.matching))),
             defaults=tuple(map(_route, _rows(prints.defaults))),
         )
@@ -108,10 +108,10 @@ def facts_of(prints: IpPrints, cards: Mapping[str, CardFacts], managed_ports: fr
 
 
 def _rows(text: str) -> list[dict[str, Any]]:
-    found = json.loads(text or "[]")
-    if not isinstance(found, list):
+    data = json.loads(text or "[]")
+    if not isinstance(data, list):
         raise TypeError(text)
-    return [row for row in found if row]
+    return [row for row in data if row]
 
 
 def _addresses(row: Mapping[str, Any]) -> Iterator[IPv4Interface]:
@@ -133,12 +133,12 @@ def _port(
         name=name,
         up="UP" in row["flags"],
         carrier="LOWER_UP" in row["flags"],
-        wired=usable and (kind is None or kind in _STAND_INS),
+        is_wired=usable and (kind is None or kind in _STAND_INS),
         card=usable and kind is None,
         wireless=card.wireless,
         speed_mbps=card.speed_mbps,
         addresses=addresses,
-        managed=name in managed_ports,
+        is_managed=name in managed_ports,
     )
 
 
@@ -150,7 +150,11 @@ def read_network(address: IPv4Address | None) -> NetworkFacts:
     """Ask the kernel. Raises NetworkUnreadable."""
     if shutil.which("ip") is None:
         raise NetworkUnreadable("`ip` is not installed on this laptop")
-    towards = {} if address is None else {"taken": _taken(address), "matching": _ip("route", "show", "match", address)}
+    towards = (
+        {}
+        if address is None
+        else {"best_route": _get_route(address), "matching": _ip("route", "show", "match", address)}
+    )
     prints = IpPrints(
         links=_ip("link", "show", details=True),
         addresses=_ip("address", "show"),
@@ -178,18 +182,18 @@ def _run(words: Sequence[str]) -> subprocess.CompletedProcess[str]:
 
 def _ip(*words: object, details: bool = False) -> str:
     family = ("-details",) if details else ("-4",)
-    done = _run(["ip", "-json", *family, *map(str, words)])
-    if done.returncode:
-        raise NetworkUnreadable(f"`ip {words[0]}` failed: {done.stderr.strip()}")
-    return done.stdout
+    process = _run(["ip", "-json", *family, *map(str, words)])
+    if process.returncode:
+        raise NetworkUnreadable(f"`ip {words[0]}` failed: {process.stderr.strip()}")
+    return process.stdout
 
 
-def _taken(address: IPv4Address) -> str:
+def _get_route(address: IPv4Address) -> str:
     """What a packet to the address takes; the kernel refuses where nothing leads there, which is an answer."""
-    done = _run(["ip", "-json", "-4", "route", "get", str(address)])
-    if done.returncode and "RTNETLINK answers" not in done.stderr:
-        raise NetworkUnreadable(f"`ip route get` failed: {done.stderr.strip()}")
-    return "[]" if done.returncode else done.stdout
+    process = _run(["ip", "-json", "-4", "route", "get", str(address)])
+    if process.returncode and "RTNETLINK answers" not in process.stderr:
+        raise NetworkUnreadable(f"`ip route get` failed: {process.stderr.strip()}")
+    return "[]" if process.returncode else process.stdout
 
 
 def _cards() -> dict[str, CardFacts]:
@@ -214,12 +218,12 @@ def _managed_ports() -> frozenset[str]:
     if shutil.which("nmcli") is None:
         return frozenset()
     with suppress(NetworkUnreadable):
-        printed = _run(["nmcli", "--terse", "--fields", "DEVICE,STATE", "device"]).stdout
-        return managed_of(printed)
+        output = _run(["nmcli", "--terse", "--fields", "DEVICE,STATE", "device"]).stdout
+        return managed_of(output)
     return frozenset()
 
 
-def managed_of(printed: str) -> frozenset[str]:
+def managed_of(output: str) -> frozenset[str]:
     """The interfaces that NetworkManager looks after, from `nmcli --terse --fields DEVICE,STATE device`."""
-    rows = (line.rpartition(":") for line in printed.splitlines())
+    rows = (line.rpartition(":") for line in output.splitlines())
     return frozenset(name for name, _, state in rows if name and not state.startswith("unmanaged"))

@@ -22,7 +22,7 @@ from cryptography import x509
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import Router
-from atlantis_netcfg.operations.common.kinds import managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device
 from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
 from atlantis_netcfg.routeros.api import Endpoint, Unreachable, shown_certificate
@@ -55,27 +55,27 @@ class RouterPlace:
     """Its management port, by the factory name."""
     bearer: str
     """`lan`: the laptop is plugged into that port; else it is far away."""
-    metered: bool
+    is_metered: bool
     pin: str | None
     """SHA-256 of its certificate, declared or known on this computer."""
     example: bool
     """The addresses are examples, which lead to nobody's devices."""
 
     @property
-    def assigned(self) -> IPv4Interface:
+    def laptop_address(self) -> IPv4Interface:
         """The laptop's declared address."""
         return IPv4Interface(f"{self.technician}/{self.network.prefixlen}")
 
 
 def router_places(
-    declaration: Declaration, site: str, via: str | None, pinned: Callable[[str], str | None]
+    declaration: Declaration, site: str, via: str | None, get_pin: Callable[[str], str | None]
 ) -> tuple[RouterPlace, ...]:
     """The routers of a site. Raises UsageError where the site has no such bearer as `via` names."""
-    return tuple(_places(declaration, site, via, pinned))
+    return tuple(_places(declaration, site, via, get_pin))
 
 
 def _places(
-    declaration: Declaration, site: str, via: str | None, pinned: Callable[[str], str | None]
+    declaration: Declaration, site: str, via: str | None, get_pin: Callable[[str], str | None]
 ) -> Iterator[RouterPlace]:
     management = declaration.sites[site].management
     for host in declaration.site_hosts(site):
@@ -90,16 +90,16 @@ def _places(
             network=IPv4Network(management.network),
             technician=IPv4Address(management.technician),
             admit=tuple(map(IPv4Network, management.admit)),
-            plug=managed(declaration, host).place.port,
+            plug=get_managed_device(declaration, host).place.port,
             bearer=bearer.name,
-            metered=bearer.metered,
-            pin=access.fingerprint or pinned(host.name),
+            is_metered=bearer.is_metered,
+            pin=access.fingerprint or get_pin(host.name),
             example=declaration.pilot.example_values,
         )
 
 
-def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
-    return DoctorItem(DoctorSection.WAY, name, verdict, measured, hint, tuple(commands))
+def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.WAY, name, verdict, observation, hint, tuple(commands))
 
 
 def _sudo(*words: object) -> str:
@@ -108,13 +108,13 @@ def _sudo(*words: object) -> str:
 
 def judge_ports(facts: NetworkFacts) -> DoctorItem:
     """No site was named: which wired ports this laptop has."""
-    wired = _candidates(facts)
-    if not wired:
+    ports = _candidates(facts)
+    if not ports:
         return _item("ports", Verdict.WARN, "this laptop has no Ethernet port", "plug in a USB Ethernet adapter")
-    return _item("ports", Verdict.PASS, "; ".join(map(_described, wired)))
+    return _item("ports", Verdict.PASS, "; ".join(map(_describe, ports)))
 
 
-def _described(port: LaptopPort) -> str:
+def _describe(port: LaptopPort) -> str:
     addresses = f" ({', '.join(map(str, port.addresses))})" if port.addresses else ""
     if not port.up:
         return f"{port.name} is switched off{addresses}"
@@ -125,36 +125,36 @@ def judge_way(place: RouterPlace, facts: NetworkFacts) -> tuple[DoctorItem, ...]
     """Everything between this laptop and the router."""
     if place.bearer != LAN.name:
         return (_judge_far_route(place, facts),)
-    chosen = _chosen_port(place, facts)
-    address = _judge_address(place, facts, chosen)
+    port = _chosen_port(place, facts)
+    address = _judge_address(place, facts, port)
     return (
-        _judge_port(place, facts, chosen),
+        _judge_port(place, facts, port),
         address,
-        _judge_route(place, facts, chosen, address),
-        _judge_other_ports(place, facts, chosen),
-        _judge_default_route(place, facts, chosen),
+        _judge_route(place, facts, port, address),
+        _judge_other_ports(place, facts, port),
+        _judge_default_route(place, facts, port),
     )
 
 
 def _reaching(place: RouterPlace, facts: NetworkFacts) -> list[LaptopPort]:
     """Ports with an address in the router's management network, the one with the declared address first."""
-    found = [port for port in facts.ports if any(each.ip in place.network for each in port.addresses)]
-    return sorted(found, key=lambda port: not any(each.ip == place.technician for each in port.addresses))
+    ports = [port for port in facts.ports if any(each.ip in place.network for each in port.addresses)]
+    return sorted(ports, key=lambda port: not any(each.ip == place.technician for each in port.addresses))
 
 
 def _candidates(facts: NetworkFacts) -> list[LaptopPort]:
     """The network cards with a socket; where there is none, what stands for one."""
-    wired = [port for port in facts.ports if port.wired]
-    return [port for port in wired if port.card] or wired
+    ports = [port for port in facts.ports if port.is_wired]
+    return [port for port in ports if port.card] or ports
 
 
 def _chosen_port(place: RouterPlace, facts: NetworkFacts) -> LaptopPort | None:
     """The port that leads to the router, or that most likely will: with an address there, a cable, no other use."""
-    reaching = [port for port in _reaching(place, facts) if port.wired]
+    reaching = [port for port in _reaching(place, facts) if port.is_wired]
     if reaching:
         return reaching[0]
-    ordered = sorted(_candidates(facts), key=lambda port: (not port.carrier, bool(port.addresses), not port.up))
-    return ordered[0] if ordered else None
+    candidates = sorted(_candidates(facts), key=lambda port: (not port.carrier, bool(port.addresses), not port.up))
+    return candidates[0] if candidates else None
 
 
 def _judge_port(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
@@ -191,8 +191,8 @@ def _judge_port(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None
 def _give_address(place: RouterPlace, port: LaptopPort | None) -> list[str]:
     if port is None:
         return []
-    free = [_sudo("nmcli", "device", "set", port.name, "managed", "no")] if port.managed else []
-    return [*free, _sudo("ip", "address", "add", place.assigned, "dev", port.name)]
+    free = [_sudo("nmcli", "device", "set", port.name, "managed", "no")] if port.is_managed else []
+    return [*free, _sudo("ip", "address", "add", place.laptop_address, "dev", port.name)]
 
 
 def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
@@ -206,9 +206,9 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
                     f"{each.name} has {address.ip}, which is the address of {place.router} itself",
                     commands=[_sudo("ip", "address", "del", address, "dev", each.name), *_give_address(place, port)],
                 )
-    if any(place.assigned in each.addresses for each in reaching):
-        names = ", ".join(each.name for each in reaching if place.assigned in each.addresses)
-        return _item("address", Verdict.PASS, f"{place.assigned} on {names}")
+    if any(place.laptop_address in each.addresses for each in reaching):
+        names = ", ".join(each.name for each in reaching if place.laptop_address in each.addresses)
+        return _item("address", Verdict.PASS, f"{place.laptop_address} on {names}")
     if not reaching:
         return _item(
             "address",
@@ -217,33 +217,33 @@ def _judge_address(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | N
             commands=_give_address(place, port),
         )
     first = reaching[0]
-    found = next(each for each in first.addresses if each.ip in place.network)
-    same = found.network.prefixlen == place.network.prefixlen
+    match = next(each for each in first.addresses if each.ip in place.network)
+    same = match.network.prefixlen == place.network.prefixlen
     return _item(
         "address",
         Verdict.WARN if same else Verdict.FAIL,
-        f"{first.name} has {found}; declared for this laptop is {place.assigned}",
+        f"{first.name} has {match}; declared for this laptop is {place.laptop_address}",
         commands=_give_address(place, first),
     )
 
 
-def _shown(route: KernelRoute) -> str:
+def _route_text(route: KernelRoute) -> str:
     return f"{route.port}, by the gateway {route.gateway}" if route.gateway else route.port
 
 
 def _judge_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None, address: DoctorItem) -> DoctorItem:
-    taken = facts.taken
+    route = facts.best_route
     fix: Sequence[str] = address.commands
     if address.verdict in (Verdict.PASS, Verdict.WARN) and port is not None:
         fix = [_sudo("ip", "route", "replace", f"{place.address}/32", "dev", port.name, "src", _source(place, port))]
-    if taken is None:
+    if route is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", commands=fix)
-    if port is None or taken.port != port.name or taken.gateway is not None:
-        measured = f"{place.address} goes to {_shown(taken)}"
-        if port is not None and taken.port != port.name:
-            measured = f"{place.address} goes to {_shown(taken)}, and not to {port.name}"
-        return _item("route", Verdict.FAIL, measured, commands=fix)
-    return _admitted(place, taken, fix)
+    if port is None or route.port != port.name or route.gateway is not None:
+        observation = f"{place.address} goes to {_route_text(route)}"
+        if port is not None and route.port != port.name:
+            observation = f"{place.address} goes to {_route_text(route)}, and not to {port.name}"
+        return _item("route", Verdict.FAIL, observation, commands=fix)
+    return _judge_source(place, route, fix)
 
 
 def _source(place: RouterPlace, port: LaptopPort) -> IPv4Address:
@@ -251,59 +251,63 @@ def _source(place: RouterPlace, port: LaptopPort) -> IPv4Address:
     return place.technician if place.technician in mine or not mine else mine[0]
 
 
-def _admitted(place: RouterPlace, taken: KernelRoute, fix: Sequence[str]) -> DoctorItem:
+def _judge_source(place: RouterPlace, route: KernelRoute, fix: Sequence[str]) -> DoctorItem:
     """A route that leads there: whether the router's firewall lets packets from that source in."""
-    source = taken.source or "?"
-    admitted = taken.source is not None and any(IPv4Address(taken.source) in each for each in place.admit)
-    listed = ", ".join(map(str, place.admit))
-    if not admitted:
+    source = route.source or "?"
+    is_allowed = route.source is not None and any(IPv4Address(route.source) in each for each in place.admit)
+    networks = ", ".join(map(str, place.admit))
+    if not is_allowed:
         return _item(
             "route",
             Verdict.FAIL,
-            f"{place.address} is reached from {source}; the declared firewall of {place.router} admits {listed} only",
+            f"{place.address} is reached from {source}; the declared firewall of {place.router} admits {networks} only",
             commands=fix,
         )
-    return _item("route", Verdict.PASS, f"{place.address} goes to {_shown(taken)}, from {source}")
+    return _item("route", Verdict.PASS, f"{place.address} goes to {_route_text(route)}, from {source}")
 
 
 def _judge_far_route(place: RouterPlace, facts: NetworkFacts) -> DoctorItem:
     """Over a bearer: the laptop is not at the router, so some route of its own has to lead there."""
-    taken = facts.taken
+    route = facts.best_route
     look = f"is the VPN, or the way over {place.bearer}, up on this laptop?"
-    if taken is None:
+    if route is None:
         return _item("route", Verdict.FAIL, f"no route to {place.address}", look)
     if facts.matching and all(each.target == "default" for each in facts.matching) and place.address.is_private:
-        return _item("route", Verdict.FAIL, f"only the default route leads to {place.address}: {_shown(taken)}", look)
-    judged = _admitted(place, taken, ())
-    return judged if judged.verdict is Verdict.PASS else _item("route", judged.verdict, judged.measured, look)
+        return _item(
+            "route", Verdict.FAIL, f"only the default route leads to {place.address}: {_route_text(route)}", look
+        )
+    item = _judge_source(place, route, ())
+    return item if item.verdict is Verdict.PASS else _item("route", item.verdict, item.observation, look)
 
 
 def _judge_other_ports(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
     """A second interface, Wi-Fi most often, whose network is the router's too: answers get lost there."""
-    found, commands = [], []
+    conflicts, commands = [], []
     for each in facts.ports:
         if port is not None and each.name == port.name:
             continue
         for address in each.addresses:
             if address.network.overlaps(place.network) and each.name != "lo":
-                found.append(f"{each.name} has {address}")
+                conflicts.append(f"{each.name} has {address}")
                 commands.append(_sudo("ip", "address", "del", address, "dev", each.name))
-    named = {port.name if port is not None else ""}
+    port_names = {port.name if port is not None else ""}
     for route in facts.matching:
-        inside = route.target != "default" and route.port not in named
-        if inside and not any(f"{route.port} has" in text for text in found):
-            found.append(f"{route.target} goes to {_shown(route)}")
+        inside = route.target != "default" and route.port not in port_names
+        if inside and not any(f"{route.port} has" in text for text in conflicts):
+            conflicts.append(f"{route.target} goes to {_route_text(route)}")
             commands.append(_sudo("ip", "route", "del", route.target, "dev", route.port))
-    if found:
-        return _item("other ports", Verdict.WARN, f"{'; '.join(found)}: in the router's network too", commands=commands)
+    if conflicts:
+        return _item(
+            "other ports", Verdict.WARN, f"{'; '.join(conflicts)}: in the router's network too", commands=commands
+        )
     return _item("other ports", Verdict.PASS, f"none reaches into {place.network}")
 
 
 def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPort | None) -> DoctorItem:
     """Whose links this laptop's own traffic takes: updates and mail over a satellite are dear."""
-    connected = {each.name for each in _reaching(place, facts)}
+    site_ports = {each.name for each in _reaching(place, facts)}
     through = [
-        route for route in facts.defaults if port is not None and route.port == port.name and route.port in connected
+        route for route in facts.defaults if port is not None and route.port == port.name and route.port in site_ports
     ]
     if through:
         by = [("default", *(("via", route.gateway) if route.gateway else ()), "dev", route.port) for route in through]
@@ -315,14 +319,14 @@ def _judge_default_route(place: RouterPlace, facts: NetworkFacts, port: LaptopPo
         )
     if not facts.defaults:
         return _item("default route", Verdict.PASS, "none: no other traffic of this laptop goes to the site")
-    return _item("default route", Verdict.PASS, f"{_shown(facts.defaults[0])}")
+    return _item("default route", Verdict.PASS, f"{_route_text(facts.defaults[0])}")
 
 
 def why_not_contacted(place: RouterPlace, way: Sequence[DoctorItem]) -> str | None:
     """Why the router is left alone; None: one connection may be opened."""
     if any(item.name in ("port", "route") and item.verdict is Verdict.FAIL for item in way):
         return "not contacted: the way to it is not right yet"
-    return f"not contacted: {place.bearer} is paid by the byte" if place.metered else None
+    return f"not contacted: {place.bearer} is paid by the byte" if place.is_metered else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -341,11 +345,11 @@ def ask_router(place: RouterPlace) -> RouterAnswer:
     """Open one TLS connection to the router's API, look at its certificate, close: nobody logs in."""
     endpoint = Endpoint(str(place.address), place.api_port, "", Secret(""), None, connect_timeout_s=_CONNECT_S)
     try:
-        shown = asyncio.run(shown_certificate(endpoint))
-        read = x509.load_der_x509_certificate(shown)
+        certificate = asyncio.run(shown_certificate(endpoint))
+        read = x509.load_der_x509_certificate(certificate)
     except (Unreachable, OSError, ValueError) as error:
         return RouterAnswer(str(error))
-    digest = hashlib.sha256(shown).hexdigest()
+    digest = hashlib.sha256(certificate).hexdigest()
     return RouterAnswer(None, digest, read.not_valid_before_utc, read.not_valid_after_utc)
 
 
@@ -376,9 +380,9 @@ def _judge_dates(place: RouterPlace, answer: RouterAnswer, now: datetime) -> Doc
     begins, ends = answer.valid_from, answer.valid_until
     if begins is None or ends is None:
         return _item("dates", Verdict.INCONCLUSIVE, f"the certificate of {place.router} has no dates")
-    measured = f"its certificate is valid from {begins:%Y-%m-%d} to {ends:%Y-%m-%d}; here it is {now:%Y-%m-%d}"
+    observation = f"its certificate is valid from {begins:%Y-%m-%d} to {ends:%Y-%m-%d}; here it is {now:%Y-%m-%d}"
     if now < begins:
-        return _item("dates", Verdict.FAIL, measured, "set this laptop's clock", ["sudo timedatectl set-ntp true"])
+        return _item("dates", Verdict.FAIL, observation, "set this laptop's clock", ["sudo timedatectl set-ntp true"])
     if now > ends:
-        return _item("dates", Verdict.WARN, measured, "renew it, or set this laptop's clock if that is wrong")
-    return _item("dates", Verdict.PASS, measured)
+        return _item("dates", Verdict.WARN, observation, "renew it, or set this laptop's clock if that is wrong")
+    return _item("dates", Verdict.PASS, observation)

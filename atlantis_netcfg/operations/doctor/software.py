@@ -25,38 +25,38 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-_NEEDED = (3, 11)
+_MINIMUM_PYTHON = (3, 11)
 """As `requires-python` of pyproject.toml has it (a test holds the two together)."""
 _PATIENCE_S = 5.0
-_TRIED = {"debian": (12,), "ubuntu": (24, 4)}
+_TESTED_RELEASES = {"debian": (12,), "ubuntu": (24, 4)}
 """The oldest release of each system that the first-run page names."""
 
 
-def _item(name: str, verdict: Verdict, measured: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
-    return DoctorItem(DoctorSection.SOFTWARE, name, verdict, measured, hint, tuple(commands))
+def _item(name: str, verdict: Verdict, observation: str, hint: str = "", commands: Sequence[str] = ()) -> DoctorItem:
+    return DoctorItem(DoctorSection.SOFTWARE, name, verdict, observation, hint, tuple(commands))
 
 
 def judge_python(version: str) -> DoctorItem:
     """Whether this Python is new enough."""
-    if tuple(map(int, re.findall(r"\d+", version)[:2])) < _NEEDED:
+    if tuple(map(int, re.findall(r"\d+", version)[:2])) < _MINIMUM_PYTHON:
         return _item(
             "Python",
             Verdict.FAIL,
-            f"{version}; {'.'.join(map(str, _NEEDED))} or newer is needed",
+            f"{version}; {'.'.join(map(str, _MINIMUM_PYTHON))} or newer is needed",
             commands=["sudo apt-get install -y python3-venv"],
         )
     return _item("Python", Verdict.PASS, version)
 
 
-def judge_packages(pins: Mapping[str, str], installed: Callable[[str], str | None]) -> DoctorItem:
+def judge_packages(pins: Mapping[str, str], get_version: Callable[[str], str | None]) -> DoctorItem:
     """Whether `.venv` is as it was made: somebody may have installed or removed something in it since."""
-    wrong = packages.drift(pins, installed)
+    wrong = packages.drift(pins, get_version)
     if not wrong:
         return _item("packages", Verdict.PASS, f"{len(pins)} as pinned; ansible-core {pins.get('ansible-core')}")
     return _item(
         "packages",
         Verdict.FAIL,
-        packages.listed(wrong),
+        packages.summarise(wrong),
         "the next start brings them back, from the package index, after:",
         [packages.RESTORE],
     )
@@ -64,52 +64,58 @@ def judge_packages(pins: Mapping[str, str], installed: Callable[[str], str | Non
 
 def judge_system(os_release: str) -> DoctorItem:
     """Which system this is: the toolkit is tried on Debian and Ubuntu alone."""
-    known = dict(re.findall(r'^([A-Z_]+)="?([^"\n]*)"?$', os_release, re.MULTILINE))
-    title, name = known.get("PRETTY_NAME", "unknown"), known.get("ID", "")
-    version = tuple(map(int, re.findall(r"\d+", known.get("VERSION_ID", ""))))
-    if name not in _TRIED or not version:
+    properties = dict(re.findall(r'^([A-Z_]+)="?([^"\n]*)"?$', os_release, re.MULTILINE))
+    title, name = properties.get("PRETTY_NAME", "unknown"), properties.get("ID", "")
+    version = tuple(map(int, re.findall(r"\d+", properties.get("VERSION_ID", ""))))
+    if name not in _TESTED_RELEASES or not version:
         return _item("system", Verdict.WARN, f"{title}: not tried; Debian 12 and Ubuntu 24.04 are, and newer ones")
-    if version < _TRIED[name]:
+    if version < _TESTED_RELEASES[name]:
         return _item("system", Verdict.WARN, f"{title}: older than what this version was tried on")
     return _item("system", Verdict.PASS, title)
 
 
 @dataclass(frozen=True, slots=True)
-class ProgramNeed:
+class ProgramRequirement:
     """Programs of the system, and who needs them."""
 
     name: str
     packages: Mapping[str, str]
     """Program to Debian package."""
     purpose: str
-    needed: bool = False
+    is_required: bool = False
     """Without them the site cannot be worked on; else only the purpose fails."""
 
 
-def program_needs(*, computers: bool) -> tuple[ProgramNeed, ...]:
+def program_needs(*, computers: bool) -> tuple[ProgramRequirement, ...]:
     """All of them; `computers`: gateways or a VPN server are declared, to which OpenSSH leads."""
     return (
-        ProgramNeed("network tools", {"ip": "iproute2"}, "looking at this laptop's network", needed=True),
-        ProgramNeed("OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN's server", needed=computers),
-        ProgramNeed("ping", {"ping": "iputils-ping"}, "items of the checklist that are asked from this laptop"),
-        ProgramNeed("for the VPN", {"openvpn": "openvpn"}, "reaching the sites through the VPN from this laptop"),
-        ProgramNeed("for card images", ext4.PROGRAMS, "the images of a gateway's card"),
-        ProgramNeed("for bundles", manifest.MAKERS, "bundles for gateways without internet"),
+        ProgramRequirement("network tools", {"ip": "iproute2"}, "looking at this laptop's network", is_required=True),
+        ProgramRequirement(
+            "OpenSSH", {"ssh": "openssh-client"}, "gateways and the VPN's server", is_required=computers
+        ),
+        ProgramRequirement("ping", {"ping": "iputils-ping"}, "items of the checklist that are asked from this laptop"),
+        ProgramRequirement(
+            "for the VPN", {"openvpn": "openvpn"}, "reaching the sites through the VPN from this laptop"
+        ),
+        ProgramRequirement("for card images", ext4.PROGRAMS, "the images of a gateway's card"),
+        ProgramRequirement("for bundles", manifest.MAKERS, "bundles for gateways without internet"),
     )
 
 
-def judge_programs(need: ProgramNeed, found: Callable[[str], bool], versions: Mapping[str, str]) -> DoctorItem:
+def judge_programs(
+    need: ProgramRequirement, has_program: Callable[[str], bool], versions: Mapping[str, str]
+) -> DoctorItem:
     """What is missing is a fault only where the site needs it; `versions` are those of Debian packages."""
-    missing = [program for program in need.packages if not found(program)]
+    missing = [program for program in need.packages if not has_program(program)]
     if not missing:
         names = dict.fromkeys(word for package in need.packages.values() for word in package.split())
-        known = [f"{name} {versions[name]}" for name in names if name in versions]
-        return _item(need.name, Verdict.PASS, ", ".join(known or need.packages))
+        package_versions = [f"{name} {versions[name]}" for name in names if name in versions]
+        return _item(need.name, Verdict.PASS, ", ".join(package_versions or need.packages))
     commands = [f"sudo apt install {' '.join(dict.fromkeys(need.packages[program] for program in missing))}"]
-    listed = ", ".join(missing)
-    if need.needed:
-        return _item(need.name, Verdict.FAIL, f"missing: {listed}; needed for {need.purpose}", commands=commands)
-    return _item(need.name, Verdict.SKIP, f"missing: {listed}; only for {need.purpose}", commands=commands)
+    programs = ", ".join(missing)
+    if need.is_required:
+        return _item(need.name, Verdict.FAIL, f"missing: {programs}; needed for {need.purpose}", commands=commands)
+    return _item(need.name, Verdict.SKIP, f"missing: {programs}; only for {need.purpose}", commands=commands)
 
 
 def debian_versions(packages: Iterable[str]) -> dict[str, str]:

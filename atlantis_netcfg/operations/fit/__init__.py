@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.computers.dds_link import links_without_dds
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, nearest
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError, nearest
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import ALL, Finding, choose
 from atlantis_netcfg.inventory.model import TelemetryData
@@ -60,7 +60,7 @@ _STEPS: Final = 40
 class TopicFit:
     """One topic on one bearer, all subscribers together."""
 
-    declared: TelemetryTopic
+    topic: TelemetryTopic
     rate_hz: float
     """At which it fits, together with the others; the declared one where nothing has to be thinned."""
     cost: MessageCost
@@ -78,17 +78,17 @@ class TopicFit:
     """Share of the messages of which a part is lost, 1 - (1 - p)^n; None: p is not known. Reliable ones go again."""
 
     @property
-    def thinned(self) -> bool:
+    def is_thinned(self) -> bool:
         """Whether its rate has to be lowered."""
-        return self.rate_hz < self.declared.rate_hz
+        return self.rate_hz < self.topic.rate_hz
 
     def warnings(self) -> Iterator[str]:
         """What is wrong with it beside the capacity, in words."""
         yield from self.guidelines()
-        name = self.declared.topic
-        if not self.declared.reliable and self.message_loss is not None and self.message_loss > LOSSY:
+        name = self.topic.topic
+        if not self.topic.reliable and self.message_loss is not None and self.message_loss > LOSSY:
             yield f"of {name} {self.message_loss:.0%} of the messages would not arrive whole: make them smaller"
-        if self.declared.reliable and self.cost.packets_up > 2 * self.cost.fragments:
+        if self.topic.reliable and self.cost.packets_up > 2 * self.cost.fragments:
             packets, once = round(self.cost.packets_up), self.cost.fragments
             yield f"a message of {name} takes {packets} packets, because it is reliable; by best effort it takes {once}"
         if self.seconds > LONG_S:
@@ -96,13 +96,13 @@ class TopicFit:
 
     def guidelines(self) -> Iterator[str]:
         """What of the report's guidelines the declared rate and the lowered one do not keep to."""
-        topic, data = self.declared.topic, self.declared.data
-        for rate_hz in dict.fromkeys((self.declared.rate_hz, self.rate_hz)):
-            found = beside_guideline(data, rate_hz)
-            if found is not None and found[0] == "above":
-                yield f"{topic} at {rate_hz:g} Hz is above the report's guideline ({found[1]})"
-            elif found is not None:
-                yield f"{topic} at {rate_hz:g} Hz is below the report's guideline ({found[1]})"
+        topic, data = self.topic.topic, self.topic.data
+        for rate_hz in dict.fromkeys((self.topic.rate_hz, self.rate_hz)):
+            deviation = beside_guideline(data, rate_hz)
+            if deviation is not None and deviation[0] == "above":
+                yield f"{topic} at {rate_hz:g} Hz is above the report's guideline ({deviation[1]})"
+            elif deviation is not None:
+                yield f"{topic} at {rate_hz:g} Hz is below the report's guideline ({deviation[1]})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,10 +170,10 @@ class LinkFit:
             return self.capacity.doubt or f"measured, {self.capacity.run}"
         return f"more than {USABLE:.0%} of the capacity would be used at these rates"
 
-    def costs(self, seconds: int, *, thinned: bool = False) -> Bill:
+    def costs(self, seconds: int, *, is_thinned: bool = False) -> Bill:
         """What goes over it in so many seconds, both ways, with what the site says by itself."""
-        bps = self.thinned_up_bps + self.thinned_down_bps if thinned else self.up_bps + self.down_bps
-        return bill(round(bps * seconds / 8), seconds, self.link.tariff if self.link.metered else None)
+        bps = self.thinned_up_bps + self.thinned_down_bps if is_thinned else self.up_bps + self.down_bps
+        return bill(round(bps * seconds / 8), seconds, self.link.tariff if self.link.is_metered else None)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON-able data."""
@@ -194,13 +194,13 @@ class LinkFit:
             },
             "topics": [_topic_as_dict(topic) for topic in self.topics],
             "by_itself": {"up_bps": round(self.other_up_bps), "down_bps": round(self.other_down_bps)},
-            "declared": self._sums(self.up_bps, self.down_bps, thinned=False),
-            "thinned": None if self.fits else self._sums(self.thinned_up_bps, self.thinned_down_bps, thinned=True),
+            "declared": self._sums(self.up_bps, self.down_bps, is_thinned=False),
+            "thinned": None if self.fits else self._sums(self.thinned_up_bps, self.thinned_down_bps, is_thinned=True),
             "warnings": list(self.warnings),
         }
 
-    def _sums(self, up_bps: float, down_bps: float, *, thinned: bool) -> dict[str, Any]:
-        hour, day = self.costs(_HOUR_S, thinned=thinned), self.costs(DAY_S, thinned=thinned)
+    def _sums(self, up_bps: float, down_bps: float, *, is_thinned: bool) -> dict[str, Any]:
+        hour, day = self.costs(_HOUR_S, is_thinned=is_thinned), self.costs(DAY_S, is_thinned=is_thinned)
         return {
             "up_bps": round(up_bps),
             "down_bps": round(down_bps),
@@ -214,11 +214,11 @@ class LinkFit:
 def _topic_as_dict(topic: TopicFit) -> dict[str, Any]:
     cost = topic.cost
     return {
-        "topic": topic.declared.topic,
-        "data": topic.declared.data.value,
-        "reliable": topic.declared.reliable,
-        "size_bytes": topic.declared.size_bytes,
-        "rate_hz": topic.declared.rate_hz,
+        "topic": topic.topic.topic,
+        "data": topic.topic.data.value,
+        "reliable": topic.topic.reliable,
+        "size_bytes": topic.topic.size_bytes,
+        "rate_hz": topic.topic.rate_hz,
         "fits_at_hz": topic.rate_hz,
         "most_hz_alone": topic.most_hz,
         "fragments": cost.fragments,
@@ -281,17 +281,17 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     topics = _telemetry(declaration, site, vehicle)
     profile, subscribers = publishing_profile(declaration, site), control_centres(declaration)
     if profile is None or not subscribers:
-        raise NothingMatched(
+        raise NoMatchError(
             f"nobody at {site} publishes to a control centre",
             hint="declare a control centre, and a gateway or a peer of `dds:` at the site",
         )
-    named = None if run is None else named_run(stores, site, run)
+    selected_run = None if run is None else named_run(stores, site, run)
     links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
     without = links_without_dds(declaration, site)
     fits, days = [], declaration.sites[site].checklist.qualified_within_days
-    for bearer in _bearers(declaration, site, link, named):
-        kept = named or (newest_run(stores[0], site, bearer) if stores else None)
-        capacity = capacity_of(bearer, kept, now, days)
+    for bearer in _bearers(declaration, site, link, selected_run):
+        measured_run = selected_run or (newest_run(stores[0], site, bearer) if stores else None)
+        capacity = capacity_of(bearer, measured_run, now, days)
         by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
         other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
         carrier = _LinkLoad(capacity, profile.messages, subscribers, other, bearer.name not in without)
@@ -305,13 +305,13 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
     Each is a warning at the site's first link: not a vehicle that fits one when it is thinned.
     """
     for name, site in declaration.sites.items():
-        tested = site.checklist.vehicles
+        vehicle_names = site.checklist.vehicles
         for key, vehicle in declaration.vehicles.items():
-            if not vehicle.telemetry or (tested is not None and key not in tested):
+            if not vehicle.telemetry or (vehicle_names is not None and key not in vehicle_names):
                 continue
-            with suppress(NothingMatched):
-                found = vehicle_fit(declaration, (), name, key, now)
-                if not any(link.fits_thinned and link.crosses for link in found.links):
+            with suppress(NoMatchError):
+                fit = vehicle_fit(declaration, (), name, key, now)
+                if not any(link.fits_thinned and link.crosses for link in fit.links):
                     message = (
                         f"no link of {name} that DDS may cross carries what `{key}` publishes, "
                         "also at the lowest useful rates"
@@ -326,27 +326,29 @@ def require_vehicle(declaration: Declaration, site: str, vehicle: str) -> None:
         raise UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
     choose(declaration, site)
     if vehicle not in declaration.vehicles:
-        near, listed = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
-        hint = f"did you mean `{near}`? {listed}" if near else listed
-        raise NothingMatched(f"there is no vehicle `{vehicle}`", hint=hint)
+        near, choices = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
+        hint = f"did you mean `{near}`? {choices}" if near else choices
+        raise NoMatchError(f"there is no vehicle `{vehicle}`", hint=hint)
 
 
 def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
     require_vehicle(declaration, site, vehicle)
     topics = declaration.vehicles[vehicle].telemetry
     if not topics:
-        raise NothingMatched(
+        raise NoMatchError(
             f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
             hint="declare its topics in group_vars/all/vehicles.yml; docs/cost.md shows how",
         )
     return topics
 
 
-def _bearers(declaration: Declaration, site: str, link: str | None, named: KeptRun | None) -> Sequence[Bearer]:
-    if named is not None:
-        if link is not None and link != named.run.link:
-            raise UsageError(f"run {named.run.id} has measured {named.run.link}, not {link}", hint="leave out `link=`")
-        link = named.run.link
+def _bearers(declaration: Declaration, site: str, link: str | None, selected_run: KeptRun | None) -> Sequence[Bearer]:
+    if selected_run is not None:
+        if link is not None and link != selected_run.run.link:
+            raise UsageError(
+                f"run {selected_run.run.id} has measured {selected_run.run.link}, not {link}", hint="leave out `link=`"
+            )
+        link = selected_run.run.link
     return declaration.sites[site].bearers if link is None else (bearer_named(declaration, site, link),)
 
 
@@ -362,7 +364,7 @@ class _LinkLoad:
     crosses: bool
 
     def fit(self, link: MeteredLink, topics: Sequence[TelemetryTopic]) -> LinkFit:
-        rates = self._thinned(topics)
+        rates = self._thin_rates(topics)
         up, down = self._load(topics, rates)
         fits = tuple(self._topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
         return LinkFit(link, self.capacity, fits, *self.other, up, down, self.crosses)
@@ -381,7 +383,7 @@ class _LinkLoad:
     def _within(self, topics: Sequence[TelemetryTopic], rates: Sequence[float]) -> bool:
         return self.capacity.admits(*self._load(topics, rates))
 
-    def _thinned(self, topics: Sequence[TelemetryTopic]) -> list[float]:
+    def _thin_rates(self, topics: Sequence[TelemetryTopic]) -> list[float]:
         """The rates at which all fit, as far as they do."""
         rates = [topic.rate_hz for topic in topics]
         for data in _THINNED_FIRST:

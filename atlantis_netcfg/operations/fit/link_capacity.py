@@ -66,11 +66,13 @@ def newest_run(store: Store, site: str, bearer: Bearer) -> KeptRun | None:
     """The newest real run of a bearer that has filled it, else the newest real one."""
     from atlantis_netcfg.links.qualify.archive import kept_runs, record_of  # noqa: PLC0415 - `validate` has no run to read
 
-    real = [kept for kept in reversed(kept_runs(store, site, bearer.name)) if not kept.run.emulated]
-    return next((kept for kept in real if _carried(record_of(kept), "up") is not None), real[0] if real else None)
+    real = [saved_run for saved_run in reversed(kept_runs(store, site, bearer.name)) if not saved_run.run.emulated]
+    return next(
+        (saved_run for saved_run in real if _goodput(record_of(saved_run), "up") is not None), real[0] if real else None
+    )
 
 
-def _carried(record: QualifyRecord, way: str) -> float | None:
+def _goodput(record: QualifyRecord, way: str) -> float | None:
     """What a link has carried, in bit/s with all headers: the receiver's goodput, and what went around each chunk."""
     row = next((row for row in record.load if row.way == way), None)
     if row is None or row.goodput_bps is None or row.verdict is not Verdict.PASS:
@@ -83,27 +85,27 @@ def _carried(record: QualifyRecord, way: str) -> float | None:
     return row.goodput_bps * message_bytes(MessagePlan(row.size, 1.0, 1.0), headers) / row.size
 
 
-def capacity_of(bearer: Bearer, kept: KeptRun | None, now: datetime, within_days: int) -> Capacity:
+def capacity_of(bearer: Bearer, saved_run: KeptRun | None, now: datetime, within_days: int) -> Capacity:
     """What a run has measured, as far as it has; None: nobody has measured the bearer.
 
     A measurement that is older than `within_days` says what the link was, not what it is.
     """
     pace, down = declared_pace(bearer), bearer.rate.down_kbps * 1000
-    if kept is None:
+    if saved_run is None:
         doubt = "only the declared rate is known: nobody has measured this link"
         return Capacity(pace, down, None, "declared", doubt=doubt)
     from atlantis_netcfg.links.qualify.archive import record_of  # noqa: PLC0415 - `validate` has no run to read
 
-    record = record_of(kept)
-    measured_up, measured_down, idle = _carried(record, "up"), _carried(record, "down"), record.idle
+    record = record_of(saved_run)
+    measured_up, measured_down, idle = _goodput(record, "up"), _goodput(record, "down"), record.idle
     rtt_s = pace.rtt_s if idle is None or idle.rtt is None else idle.rtt.p50
     return Capacity(
         LinkPace(rtt_s, measured_up or pace.up_bps),
         measured_down or down,
         None if idle is None else idle.flr.share_up,
         _SOURCES[measured_up is not None, measured_down is not None],
-        kept.run.id,
-        "; ".join(_doubts(kept.run, now - timedelta(days=within_days), measured_up, measured_down)),
+        saved_run.run.id,
+        "; ".join(_doubts(saved_run.run, now - timedelta(days=within_days), measured_up, measured_down)),
     )
 
 

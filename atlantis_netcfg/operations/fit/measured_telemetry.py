@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _VEHICLES: Final = "group_vars/all/vehicles.yml"
 
 
-class TelemetryUnmeasured(NetcfgError):
+class TelemetryUnknown(NetcfgError):
     """What a vehicle publishes was not heard, or not all of it."""
 
     exit = ExitCode.CHECKS_FAILED
@@ -81,21 +81,21 @@ def measure(
     if report is None:
         message = f"`{vehicle}` was not heard at {site} in {observation.seconds:.0f} s"
         hint = f"`provision robot discover site={site}` says who is heard"
-        raise TelemetryUnmeasured(message, hint=hint)
+        raise TelemetryUnknown(message, hint=hint)
     return telemetry_of(site, report, robot, declaration.vehicles[vehicle], observation.seconds)
 
 
 def telemetry_of(
-    site: str, report: RobotReport, robot: RobotFile, declared: Vehicle, seconds: float
+    site: str, report: RobotReport, robot: RobotFile, vehicle: Vehicle, seconds: float
 ) -> MeasuredTelemetry:
     """The telemetry of a report. Raises TelemetryUnmeasured where a topic's rate is not known."""
-    least = {robot.full_name(item.topic): item.least_hz for item in declared.telemetry}
+    least = {robot.full_name(item.topic): item.least_hz for item in vehicle.telemetry}
     topics, unknown = [], []
     for topic in robot.topics():
         writers = [each for each in report.topics if each.topic == topic.name]
         rates = [each.rate_hz for each in writers if each.rate_hz is not None]
         try:
-            made = TelemetryTopic(
+            entry = TelemetryTopic(
                 topic=topic.name,
                 data=topic.kind.data,
                 rate_hz=float(f"{sum(rates):.3g}"),
@@ -106,11 +106,11 @@ def telemetry_of(
         except (ValidationError, ZeroDivisionError):
             unknown.append(topic.name)
         else:
-            topics.append(made)
+            topics.append(entry)
             unknown += [topic.name] if len(rates) < len(writers) else []
     if unknown:
         message = f"the rate of {', '.join(unknown)} of `{report.vehicle}` is not known after {seconds:.0f} s"
-        raise TelemetryUnmeasured(message, hint="three messages of each tell it: listen longer, `observed=5m`")
+        raise TelemetryUnknown(message, hint="three messages of each tell it: listen longer, `observed=5m`")
     others = sorted({each.topic for each in report.topics} - {each.topic for each in topics})
     return MeasuredTelemetry(site, str(report.vehicle), seconds, tuple(topics), tuple(others), report.findings)
 
@@ -143,26 +143,27 @@ def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) ->
         return TelemetryChange(file, before, before, rows)
     comment = f"as heard at {telemetry.site} on {day.isoformat()}, in {telemetry.seconds:.0f} s"
     after = with_telemetry(before, (block, telemetry.vehicle), comment, rows)
-    expected = telemetry.of(declaration).vehicles
-    if after is not None and inventory_files.validated(declaration.root, file, after).vehicles != expected:
+    expected_vehicles = telemetry.of(declaration).vehicles
+    if (
+        after is not None
+        and inventory_files.validate_change(declaration.root, file, after).vehicles != expected_vehicles
+    ):
         after = None
     return TelemetryChange(file, before, after, rows)
 
 
-def write(declaration: Declaration, telemetry: MeasuredTelemetry, made: TelemetryChange) -> None:
+def write(declaration: Declaration, telemetry: MeasuredTelemetry, edit: TelemetryChange) -> None:
     """Put it in its place. Raises TelemetryUnmeasured for a robot that is not as its file says, and UsageError."""
     if (wrong := telemetry.wrong) is not None:
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
-        raise TelemetryUnmeasured(
-            message, hint=f"`provision robot discover site={telemetry.site}` says all that differs"
-        )
-    if (declaration.root / made.file).read_bytes().decode() != made.before:
-        raise UsageError(f"{made.file} has changed meanwhile: nothing was written", hint="type the same again")
-    if made.after is None:
+        raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` says all that differs")
+    if (declaration.root / edit.file).read_bytes().decode() != edit.before:
+        raise UsageError(f"{edit.file} has changed meanwhile: nothing was written", hint="type the same again")
+    if edit.after is None:
         hint = "write the lines there that are shown without `--write`"
-        raise UsageError(f"`{telemetry.vehicle}` is not written in {made.file} as this command can write it", hint=hint)
-    if made.difference:
-        inventory_files.write(declaration.root, made.file, made.after)
+        raise UsageError(f"`{telemetry.vehicle}` is not written in {edit.file} as this command can write it", hint=hint)
+    if edit.difference:
+        inventory_files.write(declaration.root, edit.file, edit.after)
 
 
 def _row(topic: TelemetryTopic) -> str:
@@ -181,10 +182,10 @@ def with_telemetry(text: str, path: tuple[str, str], comment: str, rows: Sequenc
     first = there[0].start_mark.line if there is not None else _line_behind(node)
     last = _line_behind(there[1]) if there is not None else first
     lines = text.splitlines(keepends=True)
-    made = [f"{indent}telemetry: # {comment}\n", *(f"{indent}  {row}\n" for row in rows)]
+    new_lines = [f"{indent}telemetry: # {comment}\n", *(f"{indent}  {row}\n" for row in rows)]
     if first == len(lines) and lines and not lines[-1].endswith("\n"):
         lines[-1] += "\n"
-    return "".join([*lines[:first], *made, *lines[last:]])
+    return "".join([*lines[:first], *new_lines, *lines[last:]])
 
 
 def _keys(node: yaml.Node | None) -> dict[str, tuple[yaml.Node, yaml.Node]]:

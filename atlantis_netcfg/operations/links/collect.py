@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, complete
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
 from atlantis_netcfg.links import BearerFinding
@@ -17,7 +17,7 @@ from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.common.jobs import endpoint_of
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.session_link import FAST_S, LAN, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.operations.common.traffic_budget import over_budget, standing_traffic
@@ -33,7 +33,7 @@ from atlantis_netcfg.operations.links.status import (
     of_bridge,
     of_terminal,
     of_unit,
-    ranked,
+    rank,
     read_by_driver,
     read_radio,
     read_routeros,
@@ -72,9 +72,9 @@ class LinkQueries:
     doors: dict[str, ReadOnlySession] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
 
-    async def ask(self, hosts: Sequence[Host], chosen: Sequence[Host], routes: Sequence[BearerRoute]) -> None:
-        """Ask every host that is `chosen` and can be asked, all at the same time."""
-        names = {host.name for host in chosen}
+    async def ask(self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[BearerRoute]) -> None:
+        """Ask every host that is `selected_hosts` and can be asked, all at the same time."""
+        names = {host.name for host in selected_hosts}
         work = []
         for host in hosts:
             reason = self._why_not(host) if host.name in names else "left out by `only=`"
@@ -96,7 +96,7 @@ class LinkQueries:
             return "no machine interface of it is documented: a person looks at its pages"
         if isinstance(device, LteRouter) and device.driver is LteDriver.MANUAL:
             return "`driver: manual`: a person looks at its own page"
-        if not handled(host) and not isinstance(device, LteRouter):
+        if not is_supported(host) and not isinstance(device, LteRouter):
             return f"nobody reads a {device.kind.replace('_', ' ')} yet"
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
@@ -111,7 +111,7 @@ class LinkQueries:
             )
             self.notify(Event(host.name, Stage.FAILED, str(error)))
         else:
-            self.notify(Event(host.name, Stage.DONE, self._spent(host.name)))
+            self.notify(Event(host.name, Stage.DONE, self._usage_text(host.name)))
 
     def _reading(self, host: Host, routes: Sequence[BearerRoute]) -> Awaitable[Any]:
         if isinstance(host.device, Router):
@@ -133,7 +133,7 @@ class LinkQueries:
 
     def unit(self, host: Host, device: LteRouter) -> LteUnit:
         """A 4G unit as its driver wants it."""
-        store = Store(self.request.state, rehearsed=self.request.rehearsed)
+        store = Store(self.request.state, is_rehearsal=self.request.rehearsed)
         target = self.request.targets.get(host.name)
         return LteUnit(host, device, store, self.notify, self.request.rehearsed, target)
 
@@ -143,7 +143,7 @@ class LinkQueries:
         self.doors[host.name] = session
         return session
 
-    def _spent(self, name: str) -> str:
+    def _usage_text(self, name: str) -> str:
         answer = self.answers[name]
         if name in self.doors:
             session = self.doors[name]
@@ -159,7 +159,7 @@ def session_to(
     `patience_s`: for a connection over a fast link. Raises NothingMatched for a device of another kind, UsageError for
     a link that its site does not have, and for one that a rehearsal has no twin of.
     """
-    endpoint = endpoint_of(host, managed(declaration, host).access, request)
+    endpoint = endpoint_of(host, get_managed_device(declaration, host).access, request)
     router = next(
         (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), host
     )
@@ -176,13 +176,13 @@ def _carrier(declaration: Declaration, router: Host, host: Host, request: Reques
 def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
     """Yield the router and the boxes of its site's bearers, each once, both ends of a bridge among them."""
     yield router
-    seen = {router.name}
+    seen_names = {router.name}
     for bearer in declaration.sites[router.site].bearers:
         box = declaration.hosts.get(bearer.device or "")
         far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, Cpe) else None
         for host in (box, far):
-            if host is not None and host.name not in seen:
-                seen.add(host.name)
+            if host is not None and host.name not in seen_names:
+                seen_names.add(host.name)
                 yield host
 
 
@@ -232,14 +232,14 @@ def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) 
     link that is declared, whatever its routes say.
     """
     links = links_of(queries.declaration, queries.router.site)
-    spent: dict[str, int] = {}
+    bytes_by_link: dict[str, int] = {}
     for name, session in queries.doors.items():
         link = queries.carrier(queries.declaration.hosts[name]).name
         if link != LAN.name and active is not None and len(active) == 1 and not queries.request.rehearsed:
             link = active[0]
-        if links[link].metered and session.spent:
-            spent[link] = spent.get(link, 0) + on_the_wire(session.bytes, session.connections)
-    return {name: bill(nbytes, seconds, links[name].tariff) for name, nbytes in spent.items()}
+        if links[link].is_metered and session.traffic:
+            bytes_by_link[link] = bytes_by_link.get(link, 0) + on_the_wire(session.bytes, session.connections)
+    return {name: bill(nbytes, seconds, links[name].tariff) for name, nbytes in bytes_by_link.items()}
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +257,7 @@ class LinksStatus:
     """Device to the reason."""
     round_trips: Mapping[str, int]
     """Of each RouterOS device that was asked, its login included."""
-    asked: tuple[str, ...]
+    queried_devices: tuple[str, ...]
     """Devices, whether or not they answered."""
     bills: Mapping[str, Bill]
     """Metered bearer to what this look has cost on it, as far as sessions with RouterOS devices went over it."""
@@ -271,15 +271,15 @@ class LinksStatus:
     """What went wrong beside the links."""
 
     def report(
-        self, site: str, title: str, *, rehearsed: bool, not_rehearsed: tuple[str, ...] = (), time_zone: str = ""
+        self, site: str, title: str, *, is_rehearsal: bool, not_rehearsed: tuple[str, ...] = (), time_zone: str = ""
     ) -> LinksReport:
         """For whoever reads it."""
         return LinksReport(
             site=site,
             title=title,
-            rehearsed=rehearsed,
+            is_rehearsal=is_rehearsal,
             bearers=self.as_dict(),
-            asked=self.asked,
+            queried_devices=self.queried_devices,
             unreachable=[
                 {"device": item.device, "message": item.message, "hint": item.hint} for item in self.unreachable
             ],
@@ -314,12 +314,12 @@ def _stamp(moment: datetime | None) -> str | None:
 async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     declaration: Declaration,
     site: str,
-    chosen: Sequence[Host],
+    selected_hosts: Sequence[Host],
     request: Request,
     notify: Subscriber,
     patience_s: float = PATIENCE_S,
 ) -> LinksStatus:
-    """Look at a site; of its boxes only those `chosen` are asked, and of a bridge with one end the other one, too.
+    """Read the links of a site; only `selected_hosts` are queried, and with one end of a bridge the other one, too.
 
     What does not answer is a finding and no error; `patience_s`: for a connection to a device over a fast link. Raises
     NothingMatched for a site without a router.
@@ -328,13 +328,15 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
         (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), None
     )
     if router is None:
-        raise NothingMatched(f"site `{site}` has no router, and only a router knows its links")
+        raise NoMatchError(f"site `{site}` has no router, and only a router knows its links")
     routes = ways_of(declaration, router)
     began = datetime.now(UTC)
     queries = LinkQueries(declaration, router, request, notify, patience_s)
-    await queries.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, chosen), routes)
-    moved = {} if request.rehearsed else await _names(declaration, site)
-    return _LinkSite(declaration, router, routes, queries, request, began, datetime.now(UTC), moved).put_together()
+    await queries.ask(tuple(boxes(declaration, router)), _with_far_ends(declaration, selected_hosts), routes)
+    name_findings = {} if request.rehearsed else await _names(declaration, site)
+    return _LinkSite(
+        declaration, router, routes, queries, request, began, datetime.now(UTC), name_findings
+    ).put_together()
 
 
 async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerFinding, ...]]:
@@ -342,21 +344,25 @@ async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerF
     result = {}
     for bearer in declaration.sites[site].bearers:
         targets = named_targets(declaration, site, bearer)
-        resolved = await resolve(target.dns_name for target in targets)
-        result[bearer.name] = judge_names(targets, resolved, "this computer")
+        addresses = await resolve(target.dns_name for target in targets)
+        result[bearer.name] = judge_names(targets, addresses, "this computer")
     return result
 
 
-def _with_far_ends(declaration: Declaration, chosen: Sequence[Host]) -> list[Host]:
-    peers = [declaration.hosts.get(item.device.ptp.peer) for item in chosen if isinstance(item.device, Cpe)]
-    return [*chosen, *(peer for peer in peers if peer is not None)]
+def _with_far_ends(declaration: Declaration, selected_hosts: Sequence[Host]) -> list[Host]:
+    peers = [declaration.hosts.get(item.device.ptp.peer) for item in selected_hosts if isinstance(item.device, Cpe)]
+    return [*selected_hosts, *(peer for peer in peers if peer is not None)]
 
 
-def _statuses(seen: Sequence[SeenLinks], over: Sequence[BearerFinding | None]) -> list[BearerStatus]:
+def _statuses(observations: Sequence[SeenLinks], over: Sequence[BearerFinding | None]) -> list[BearerStatus]:
     """`over`: of each whether it is over its budget."""
-    shared = [*twice(seen), *((item.route.name, found) for item, found in zip(seen, over, strict=True) if found)]
+    findings = [
+        *twice(observations),
+        *((item.route.name, excess) for item, excess in zip(observations, over, strict=True) if excess),
+    ]
     return [
-        _with(bearer_status(item), [finding for name, finding in shared if name == item.route.name]) for item in seen
+        _with(bearer_status(item), [finding for name, finding in findings if name == item.route.name])
+        for item in observations
     ]
 
 
@@ -373,7 +379,7 @@ class _LinkSite:
     request: Request
     began: datetime
     now: datetime
-    moved: Mapping[str, tuple[BearerFinding, ...]]
+    name_findings: Mapping[str, tuple[BearerFinding, ...]]
     """Bearer to what is to be said of the names in its allow-list."""
     notes: list[str] = field(default_factory=list)
 
@@ -384,7 +390,7 @@ class _LinkSite:
         active, reading = self._active(), self._reading
         standing = standing_traffic(self.declaration, self.router.site)
         over = [over_budget(bearer, traffic) for bearer, traffic in zip(site.bearers, standing, strict=True)]
-        seen = [
+        observations = [
             SeenLinks(
                 route=route,
                 router=self._answer(self.router),
@@ -394,19 +400,21 @@ class _LinkSite:
                 box=bearer.device,
                 next_hop=str(bearer.gateway),
                 network=bearer.network,
-                powered=self._powered(bearer),
+                power_port=self._power_port(bearer),
             )
             for route, bearer in zip(self.ways, site.bearers, strict=True)
         ]
         return LinksStatus(
-            bearers=ranked(_statuses(seen, over), site.failover.fail_back_s, self._used(reading)),
+            bearers=rank(_statuses(observations, over), site.failover.fail_back_s, self._used(reading)),
             boxes={bearer.name: self._boxes(bearer) for bearer in site.bearers},
             months=month,
-            probe_bytes={item.route.name: ping_bytes(self.ways)[item.route.name] for item in seen if item.echoes},
+            probe_bytes={
+                item.route.name: ping_bytes(self.ways)[item.route.name] for item in observations if item.echoes
+            },
             unreachable=self.turn.silent,
             not_asked=dict(self.turn.not_asked),
             round_trips={name: session.round_trips for name, session in self.turn.doors.items()},
-            asked=tuple(self.turn.answers),
+            queried_devices=tuple(self.turn.answers),
             bills=bills(self.turn, active, (self.now - self.began).total_seconds()),
             standing={item.link.name: item for item in standing},
             uptime_s=None if reading is None else reading.uptime_s,
@@ -436,7 +444,7 @@ class _LinkSite:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind.traits.box == "satellite_terminal":
             status = self._terminal(box)
-            findings = (*status.findings, *self.moved.get(bearer.name, ()))
+            findings = (*status.findings, *self.name_findings.get(bearer.name, ()))
             return replace(
                 status, quality=kept_off(bearer, route.port, self._reading) | status.quality, findings=findings
             )
@@ -453,8 +461,8 @@ class _LinkSite:
         if isinstance(answer, Silent):
             return BoxesStatus(silent=(answer,))
         if device.driver is LteDriver.MANUAL:
-            found = self.turn.unit(box, device).look()
-            answer = UnitLook(found.reading, found.findings)
+            look_result = self.turn.unit(box, device).look()
+            answer = UnitLook(look_result.reading, look_result.findings)
         return BoxesStatus() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
 
     @property
@@ -462,7 +470,7 @@ class _LinkSite:
         return isinstance(self.router.device, Router) and bool(self.router.device.forwards)
 
     def _terminal(self, box: Host | None) -> BoxesStatus:
-        store = Store(self.request.state, rehearsed=self.request.rehearsed)
+        store = Store(self.request.state, is_rehearsal=self.request.rehearsed)
         try:
             return of_terminal(self.declaration, box, store, self.now.astimezone().date())
         except NetcfgError as error:
@@ -477,13 +485,13 @@ class _LinkSite:
             return f"{box.name} ({box.device.driver.value})"
         return bearer.device or ""
 
-    def _powered(self, bearer: Bearer) -> str | None:
+    def _power_port(self, bearer: Bearer) -> str | None:
         box = self.declaration.hosts.get(bearer.device or "")
         source = getattr(box.device, "powered_by", None) if box is not None else None
         return source.port if source is not None and source.device == self.router.name else None
 
     def _months(self) -> dict[str, MonthBytes]:
-        usage = Store(self.request.state, rehearsed=self.request.rehearsed).usage(self.router.site)
+        usage = Store(self.request.state, is_rehearsal=self.request.rehearsed).usage(self.router.site)
         try:
             return months(usage, self.router.name, self._reading, self.ways, self.now)
         except NetcfgError as error:

@@ -13,7 +13,7 @@ from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, PolicyPr
 from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 from atlantis_netcfg.routeros.observe import seconds
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED
+from atlantis_netcfg.routeros.scheduler_jobs import READ_JOBS
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Mapping, Sequence
@@ -28,12 +28,12 @@ class ReadOnlySession:
 
     name: str
     endpoint: Endpoint
-    spent: list[Traffic] = field(default_factory=list)
+    traffic: list[Traffic] = field(default_factory=list)
 
     @asynccontextmanager
-    async def opened(self) -> AsyncIterator[Session]:
+    async def open_session(self) -> AsyncIterator[Session]:
         """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
-        session = await Session.open(replace(self.endpoint, opening=self.spent.append))
+        session = await Session.open(replace(self.endpoint, opening=self.traffic.append))
         try:
             yield session
         finally:
@@ -42,17 +42,17 @@ class ReadOnlySession:
     @property
     def connections(self) -> int:
         """How many were made, also those whose session failed before its login was over."""
-        return Traffic.total(self.spent).connections
+        return Traffic.total(self.traffic).connections
 
     @property
     def round_trips(self) -> int:
         """Turns on the link, handshakes and logins included."""
-        return Traffic.total(self.spent).round_trips
+        return Traffic.total(self.traffic).round_trips
 
     @property
     def bytes(self) -> int:
         """Sent and received, handshakes and TLS included."""
-        return Traffic.total(self.spent).bytes
+        return Traffic.total(self.traffic).bytes
 
 
 def command(query: Query) -> Command:
@@ -81,7 +81,7 @@ class SessionPort:
     """An interface of the router; None: not said."""
 
     running: bool | None
-    disabled: bool | None
+    is_disabled: bool | None
     rx_bytes: int | None
     """Since the router was started."""
     tx_bytes: int | None
@@ -92,8 +92,8 @@ class Echo:
     """How a canary answered to pings over one link."""
 
     target: str
-    sent: int
-    received: int
+    sent_count: int
+    received_count: int
     rtt_ms: float | None
     """Mean of those that came back."""
 
@@ -115,7 +115,7 @@ class RouterReading:
     uptime_s: float | None = None
     ports: Mapping[str, SessionPort] | None = None
     """By factory name."""
-    renamed: Mapping[str, str] = field(default_factory=dict)
+    port_aliases: Mapping[str, str] = field(default_factory=dict)
     """Factory names of ports that are called otherwise on the router, and how."""
     routes: tuple[Row, ...] | None = None
     """The default routes of all tables."""
@@ -125,7 +125,7 @@ class RouterReading:
     """By port; None, too, where a port is called otherwise: what its name stands for is another one then."""
     use: LinkUse | None = None
     """The link that is in use for a time instead of the declared order."""
-    dropped: Mapping[str, tuple[int, int]] | None = None
+    drop_counters: Mapping[str, tuple[int, int]] | None = None
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
 
@@ -139,7 +139,7 @@ def questions(routes: Sequence[BearerRoute]) -> tuple[tuple[Command, ...], tuple
         Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
         Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
         Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
-        ARMED,
+        READ_JOBS,
     )
     return (*menus, *(Command(probe.path, probe.arguments) for probe in probes)), probes
 
@@ -154,7 +154,7 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
 async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
     queries, probes = questions(routes)
-    async with device.opened() as session:
+    async with device.open_session() as session:
         replies = await session.flight(queries)
         return replace(read(replies, probes), at=datetime.now(UTC))
 
@@ -162,17 +162,17 @@ async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) ->
 def read(replies: Sequence[Reply], probes: Sequence[PolicyProbe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
     resource, ports, routes, neighbours, rules, jobs = (rows(reply) for reply in replies[:_MENUS])
-    called = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
-    renamed = {port: name for port, name in called.items() if name != port}
+    port_names = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
+    port_aliases = {port: name for port, name in port_names.items() if name != port}
     return RouterReading(
         uptime_s=seconds(resource[0].get("uptime", "")) if resource else None,
         ports=None if ports is None else {row["default-name"]: _port(row) for row in ports if "default-name" in row},
-        renamed=renamed,
+        port_aliases=port_aliases,
         routes=routes,
         echoes=_echoes(probes, replies[_MENUS:]),
-        neighbours=None if neighbours is None or renamed else _by_port(neighbours),
+        neighbours=None if neighbours is None or port_aliases else _by_port(neighbours),
         use=in_use(jobs or ()),
-        dropped=None if rules is None else _by_chain(rules),
+        drop_counters=None if rules is None else _by_chain(rules),
     )
 
 
@@ -203,10 +203,12 @@ def _echo(target: str, answers: Sequence[Row] | None) -> Echo | None:
     """Read the rows of a ping: each carries the sums so far, so the last one is the result."""
     if not answers:
         return None
-    sent, received = (_whole(answers[-1].get(name)) for name in ("sent", "received"))
-    if not sent or received is None:
+    sent_count, received_count = (_whole(answers[-1].get(name)) for name in ("sent", "received"))
+    if not sent_count or received_count is None:
         return None
-    return Echo(target, sent, received, _milliseconds(answers[-1].get("avg-rtt")) if received else None)
+    return Echo(
+        target, sent_count, received_count, _milliseconds(answers[-1].get("avg-rtt")) if received_count else None
+    )
 
 
 def _milliseconds(text: str | None) -> float | None:

@@ -13,7 +13,7 @@ from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState, Qualit
 from atlantis_netcfg.links import wifi as radios
 from atlantis_netcfg.links.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.links.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.links.wifi import Family, WifiExpected, WifiReading, queries
+from atlantis_netcfg.links.wifi import Family, WifiReading, WifiSettings, queries
 from atlantis_netcfg.links.wifi import read as read_wifi
 from atlantis_netcfg.operations.common.terminals import is_terminal, look
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
@@ -48,15 +48,15 @@ class RadioLook:
 
 async def read_radio(device: ReadOnlySession) -> RadioLook:
     """Read in one session of three round trips: login, which radio it has, that radio. Raises DeviceFailed."""
-    async with device.opened() as session:
+    async with device.open_session() as session:
         replies = await session.flight([Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
-        found = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
-        if found is None:
+        radio_match = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
+        if radio_match is None:
             return RadioLook(None)
-        family, row = found
+        family, row = radio_match
         table, monitor = await session.flight([command(query) for query in queries(family, row["name"])])
-    monitored = rows(monitor)
-    reading = read_wifi(family, rows(table), monitored[0] if monitored else None, row["name"])
+    monitor_rows = rows(monitor)
+    reading = read_wifi(family, rows(table), monitor_rows[0] if monitor_rows else None, row["name"])
     return RadioLook(reading, (row.get("mac-address") or "").upper() or None)
 
 
@@ -66,11 +66,11 @@ def _radio(tables: list[tuple[Family, tuple[Row, ...] | None]]) -> tuple[Family,
     return next((radio for radio in radios if "default-name" in radio[1]), radios[0] if radios else None)
 
 
-def expected_of(end: Host, other: Host, other_mac: str | None) -> WifiExpected:
+def expected_of(end: Host, other: Host, other_mac: str | None) -> WifiSettings:
     """What is declared of one end."""
     assert isinstance(end.device, Cpe)  # noqa: S101 - the ends of a bridge are CPEs
     ptp = end.device.ptp
-    return WifiExpected(
+    return WifiSettings(
         peer=other.name,
         peer_macs=frozenset({other_mac} if other_mac else ()),
         access_point=ptp.mode is PtpMode.ACCESS_POINT,
@@ -115,20 +115,20 @@ def of_bridge(
     boxes = BoxesStatus(silent=tuple(answer for _, answer in ends if isinstance(answer, Silent)))
     for host, answer in ends:
         if isinstance(answer, RadioLook):
-            judged = _of_end(host, answer, [other for other, _ in ends if other is not host], macs)
-            boxes = _joined(boxes, judged if host is near[0] else _far(judged))
-    return _expected(boxes, far[1]) if far is not None and isinstance(far[1], Silent) else boxes
+            end_status = _of_end(host, answer, [other for other, _ in ends if other is not host], macs)
+            boxes = _merge(boxes, end_status if host is near[0] else _far(end_status))
+    return _excuse_far_end(boxes, far[1]) if far is not None and isinstance(far[1], Silent) else boxes
 
 
-def _expected(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
+def _excuse_far_end(boxes: BoxesStatus, far: Silent) -> BoxesStatus:
     """While the near end hears nobody, that the far one does not answer is no news."""
     if boxes.state in {None, LinkState.UP, LinkState.UNKNOWN} or far not in boxes.silent:
         return boxes
     message = f"{far.device} cannot be read, as is to be expected while the bridge is down: {far.message}"
     hint = "repair the bridge first; if it stays away after that, look at its power"
-    found = BearerFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
+    finding = BearerFinding(Verdict.INCONCLUSIVE, "far-end-unreachable", message, hint)
     rest = tuple(item for item in boxes.silent if item is not far)
-    return replace(boxes, findings=(*boxes.findings, found), silent=rest)
+    return replace(boxes, findings=(*boxes.findings, finding), silent=rest)
 
 
 def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str | None]) -> BoxesStatus:
@@ -138,9 +138,9 @@ def _of_end(host: Host, look: RadioLook, others: list[Host], macs: dict[str, str
         return BoxesStatus(LinkState.DOWN, {}, (BearerFinding(Verdict.FAIL, "no-radio", message, hint),))
     if not others:
         return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading))
-    expected = expected_of(host, others[0], macs.get(others[0].name))
-    found = (_said_by(host, finding) for finding in radios.judge(look.reading, expected))
-    return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected), tuple(found))
+    expected_link = expected_of(host, others[0], macs.get(others[0].name))
+    findings = (_said_by(host, finding) for finding in radios.judge(look.reading, expected_link))
+    return BoxesStatus(radios.link_state(look.reading), radios.quality(look.reading, expected_link), tuple(findings))
 
 
 def _said_by(host: Host, finding: BearerFinding) -> BearerFinding:
@@ -152,7 +152,7 @@ def _far(boxes: BoxesStatus) -> BoxesStatus:
     return replace(boxes, quality={"far_signal_dbm": boxes.quality.get("signal_dbm")})
 
 
-def _joined(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
+def _merge(first: BoxesStatus, second: BoxesStatus) -> BoxesStatus:
     """The worse state of the two holds."""
     states = [state for state in (first.state, second.state) if state is not None]
     return BoxesStatus(
@@ -180,14 +180,14 @@ def of_terminal(declaration: Declaration, host: Host | None, store: Store, today
     """Tell what a person has seen of the terminal, and what is wrong with that. Raises StateDamaged."""
     if host is None or not is_terminal(host):
         return BoxesStatus()
-    found = look(declaration, host, store, today=today)
-    evidence = found.evidence
+    result = look(declaration, host, store, today=today)
+    evidence = result.evidence
     quality: Quality = {
         "firmware": None if evidence is None else evidence.firmware,
         "seen_by": None if evidence is None else evidence.by,
         "seen_on": None if evidence is None else evidence.seen_on.isoformat(),
     }
-    return BoxesStatus(None, quality, found.findings)
+    return BoxesStatus(None, quality, result.findings)
 
 
 def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> Quality:
@@ -196,12 +196,12 @@ def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> 
     The chain's name is that of `render.view.Uplink.chain`. An entry of ARP ages, so that its absence proves nothing.
     """
     there = None if router is None or router.neighbours is None else router.neighbours.get(port or "", ())
-    counted = None if router is None or router.dropped is None else router.dropped.get(f"to-{bearer.name}")
-    seen = None if there is None else str(bearer.gateway) in {item.address for item in there}
+    drops = None if router is None or router.drop_counters is None else router.drop_counters.get(f"to-{bearer.name}")
+    has_answered = None if there is None else str(bearer.gateway) in {item.address for item in there}
     return {
-        "next_hop_seen": {None: None, True: "yes", False: "no"}[seen],
-        "kept_off_packets": None if counted is None else counted[0],
-        "kept_off_bytes": None if counted is None else counted[1],
+        "next_hop_seen": {None: None, True: "yes", False: "no"}[has_answered],
+        "kept_off_packets": None if drops is None else drops[0],
+        "kept_off_bytes": None if drops is None else drops[1],
     }
 
 
@@ -224,11 +224,11 @@ async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
 
     Where a run has tried the declared PIN and the SIM still asks for one, the PIN is wrong, whatever the device says.
     """
-    async with device.opened() as session:
+    async with device.open_session() as session:
         reading = await modem_reading(session)
     if reading.state is Registration.SIM_PIN_REQUIRED and unit.pin_tried:
         reading = replace(reading, pin_refused=True)
-    return UnitLook(reading, judge.judge(reading, unit.expected))
+    return UnitLook(reading, judge.judge(reading, unit.expectation))
 
 
 async def modem_reading(session: Session) -> LteReading:
@@ -250,8 +250,8 @@ def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteRea
 
 async def read_by_driver(unit: LteUnit) -> UnitLook:
     """Read a unit of another make, in a thread: its driver waits for answers. Raises NetcfgError."""
-    found = await asyncio.to_thread(unit.look)
-    return UnitLook(found.reading, found.findings, found.requests)
+    status = await asyncio.to_thread(unit.look)
+    return UnitLook(status.reading, status.findings, status.requests)
 
 
 def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -> BoxesStatus:
@@ -259,11 +259,13 @@ def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -
     reading = answer.reading
     if driver is LteDriver.MANUAL:
         return BoxesStatus(findings=answer.findings)
-    hidden = judge_carrier_nat(name, reading.address, forwards=forwards)
-    nat = None if reading.address is None else "yes" if hidden else "no"
-    found = (replace(finding, message=f"{name}: {finding.message}") for finding in answer.findings)
+    nat_findings = judge_carrier_nat(name, reading.address, forwards=forwards)
+    nat = None if reading.address is None else "yes" if nat_findings else "no"
+    findings = (replace(finding, message=f"{name}: {finding.message}") for finding in answer.findings)
     state = judge.link_state(reading)
-    return BoxesStatus(state, judge.quality(reading) | {"carrier_nat": nat}, (*found, *(hidden if forwards else ())))
+    return BoxesStatus(
+        state, judge.quality(reading) | {"carrier_nat": nat}, (*findings, *(nat_findings if forwards else ()))
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -281,7 +283,7 @@ class SeenLinks:
     next_hop: str | None = None
     network: IPv4Network | None = None
     """Of the link."""
-    powered: str | None = None
+    power_port: str | None = None
     """The router's PoE port that feeds the box, if one does."""
 
     @property
@@ -313,130 +315,139 @@ class SeenLinks:
     @property
     def answers(self) -> bool | None:
         """Whether somebody answers over it; None: nobody was asked."""
-        return any(echo.received for echo in self.echoes) if self.echoes else None
+        return any(echo.received_count for echo in self.echoes) if self.echoes else None
 
     @property
     def dark(self) -> bool:
         """Whether its port has no link."""
-        return self.port is not None and (self.port.running is False or self.port.disabled is True)
+        return self.port is not None and (self.port.running is False or self.port.is_disabled is True)
 
 
-def bearer_status(seen: SeenLinks) -> BearerStatus:
+def bearer_status(observation: SeenLinks) -> BearerStatus:
     """Reduce it to a status."""
     return BearerStatus(
-        name=seen.route.name,
-        kind=seen.route.kind,
-        state=_state(seen),
-        active=seen.active,
-        metered=seen.route.metered,
-        quality=_quality(seen),
-        month_bytes=seen.month_bytes,
-        findings=tuple(_findings(seen)),
+        name=observation.route.name,
+        kind=observation.route.kind,
+        state=_state(observation),
+        active=observation.active,
+        is_metered=observation.route.is_metered,
+        quality=_quality(observation),
+        month_bytes=observation.month_bytes,
+        findings=tuple(_findings(observation)),
     )
 
 
-def _state(seen: SeenLinks) -> LinkState:
-    if seen.dark:
+def _state(observation: SeenLinks) -> LinkState:
+    if observation.dark:
         return LinkState.DOWN
-    if seen.answers is not None:
-        waiting = seen.boxes_status.state is LinkState.SEARCHING
-        return LinkState.UP if seen.answers else LinkState.SEARCHING if waiting else LinkState.DOWN
-    return seen.boxes_status.state or LinkState.UNKNOWN
+    if observation.answers is not None:
+        waiting = observation.boxes_status.state is LinkState.SEARCHING
+        return LinkState.UP if observation.answers else LinkState.SEARCHING if waiting else LinkState.DOWN
+    return observation.boxes_status.state or LinkState.UNKNOWN
 
 
-def _quality(seen: SeenLinks) -> Quality:
-    port, echoes = seen.port, seen.echoes
-    sent = sum(echo.sent for echo in echoes)
+def _quality(observation: SeenLinks) -> Quality:
+    port, echoes = observation.port, observation.echoes
+    sent_count = sum(echo.sent_count for echo in echoes)
     times = [echo.rtt_ms for echo in echoes if echo.rtt_ms is not None]
-    lost = sent - sum(echo.received for echo in echoes)
-    found: Quality = {
-        "port": seen.route.port,
-        "port_link": None if port is None or port.running is None else "up" if not seen.dark else "down",
+    lost_count = sent_count - sum(echo.received_count for echo in echoes)
+    quality: Quality = {
+        "port": observation.route.port,
+        "port_link": None if port is None or port.running is None else "up" if not observation.dark else "down",
         "rtt_ms": round(min(times), 1) if times else None,
-        "loss_percent": round(100 * lost / sent) if sent else None,
+        "loss_percent": round(100 * lost_count / sent_count) if sent_count else None,
     }
-    return found | seen.boxes_status.quality
+    return quality | observation.boxes_status.quality
 
 
-def _findings(seen: SeenLinks) -> Iterator[BearerFinding]:
-    if isinstance(seen.router, Silent):
-        message = f"the router cannot be read, so nobody knows whether this link works: {seen.router.message}"
-        yield BearerFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, seen.router.hint)
-    yield from _of_port(seen)
-    yield from _of_strangers(seen)
-    boxes = tuple(_believed(seen))
+def _findings(observation: SeenLinks) -> Iterator[BearerFinding]:
+    if isinstance(observation.router, Silent):
+        message = f"the router cannot be read, so nobody knows whether this link works: {observation.router.message}"
+        yield BearerFinding(Verdict.INCONCLUSIVE, "router-unreachable", message, observation.router.hint)
+    yield from _of_port(observation)
+    yield from _of_strangers(observation)
+    boxes = tuple(_filter_findings(observation))
     yield from boxes
-    yield from unheard(seen.boxes_status.silent, answers=False if seen.dark else seen.answers)
-    if not seen.dark:
-        yield from _of_canaries(seen, explained=any(item.verdict is Verdict.FAIL for item in boxes))
+    yield from unheard(observation.boxes_status.silent, answers=False if observation.dark else observation.answers)
+    if not observation.dark:
+        yield from _of_canaries(observation, is_explained=any(item.verdict is Verdict.FAIL for item in boxes))
 
 
-def _believed(seen: SeenLinks) -> Iterator[BearerFinding]:
+def _filter_findings(observation: SeenLinks) -> Iterator[BearerFinding]:
     """A unit that shows no address has one all the same if canaries answer over it."""
-    for finding in seen.boxes_status.findings:
-        if finding.code != "no-address" or not seen.answers:
+    for finding in observation.boxes_status.findings:
+        if finding.code != "no-address" or not observation.answers:
             yield finding
 
 
-def _of_port(seen: SeenLinks) -> Iterator[BearerFinding]:
-    name, port = seen.route.port, seen.port
-    reading = seen.reading
+def _of_port(observation: SeenLinks) -> Iterator[BearerFinding]:
+    name, port = observation.route.port, observation.port
+    reading = observation.reading
     if reading is not None and reading.ports is not None and port is None:
         hint = "compare `ports` in the router's host_vars with the box"
         yield BearerFinding(Verdict.FAIL, "port-missing", f"the router has no port {name}", hint)
-    elif reading is not None and (called := reading.renamed.get(name or "")) is not None:
+    elif reading is not None and (alias := reading.port_aliases.get(name or "")) is not None:
         hint = "run the site: ports get their names back, and what is declared for a port comes to its socket"
-        message = f"port {name} of the router is called {called} there: what the router does by names is elsewhere"
+        message = f"port {name} of the router is called {alias} there: what the router does by names is elsewhere"
         yield BearerFinding(Verdict.FAIL, "port-renamed", message, hint)
-    elif port is not None and port.disabled:
+    elif port is not None and port.is_disabled:
         hint = "run the site to enable it, or look who has disabled it"
         yield BearerFinding(Verdict.FAIL, "port-disabled", f"port {name} of the router is switched off", hint)
     elif port is not None and port.running is False:
-        fed = f" from PoE of {seen.powered}" if seen.powered else ""
+        fed = f" from PoE of {observation.power_port}" if observation.power_port else ""
         hint = f"is the cable plugged in at both ends, and has the box power{fed}?"
         yield BearerFinding(Verdict.FAIL, "port-down", f"port {name} of the router has no link", hint)
 
 
-def _of_strangers(seen: SeenLinks) -> Iterator[BearerFinding]:
+def _of_strangers(observation: SeenLinks) -> Iterator[BearerFinding]:
     """A box that answers on its port from another network is one as its factory made it (devices.md, section 3)."""
-    reading = seen.reading
-    if seen.box is None or seen.next_hop is None or reading is None or reading.neighbours is None:
+    reading = observation.reading
+    if observation.box is None or observation.next_hop is None or reading is None or reading.neighbours is None:
         return
-    answers = seen.next_hop in {item.address for item in reading.neighbours.get(seen.route.port or "", ())}
-    for stranger in seen.strangers:
+    answers = observation.next_hop in {
+        item.address for item in reading.neighbours.get(observation.route.port or "", ())
+    }
+    for stranger in observation.strangers:
         yield from judge_factory_address(
-            seen.box, seen.route.port or "", seen.next_hop, answers=answers, answers_at_factory=stranger
+            observation.box,
+            observation.route.port or "",
+            observation.next_hop,
+            answers=answers,
+            answers_at_factory=stranger,
         )
 
 
-def _of_canaries(seen: SeenLinks, *, explained: bool) -> Iterator[BearerFinding]:
+def _of_canaries(observation: SeenLinks, *, is_explained: bool) -> Iterator[BearerFinding]:
     """Say which canaries are silent; a link that is down is told once, by whoever knows why."""
-    silent = [echo.target for echo in seen.echoes if not echo.received]
-    if seen.answers is False and not explained:
+    silent = [echo.target for echo in observation.echoes if not echo.received_count]
+    if observation.answers is False and not is_explained:
         message = f"no canary answers over this link ({', '.join(silent)})"
-        waits = seen.boxes_status.state is LinkState.UP
+        waits = observation.boxes_status.state is LinkState.UP
         hint = (
             "its own box is connected: look beyond it, at the far router or the provider"
             if waits
             else "look at the box of this link, then at what is beyond it"
         )
         yield BearerFinding(Verdict.FAIL, "canaries-silent", message, hint)
-    elif seen.answers and silent:
+    elif observation.answers and silent:
         message = f"{', '.join(silent)} does not answer over this link, the others do"
         hint = "one canary alone proves the link; if it stays silent, declare another one in `canaries`"
         yield BearerFinding(Verdict.WARN, "canary-silent", message, hint)
-    elif seen.answers and any(echo.received < echo.sent for echo in seen.echoes):
-        sent, received = sum(echo.sent for echo in seen.echoes), sum(echo.received for echo in seen.echoes)
-        message = f"{sent - received} of {sent} pings were lost"
+    elif observation.answers and any(echo.received_count < echo.sent_count for echo in observation.echoes):
+        sent_count, received_count = (
+            sum(echo.sent_count for echo in observation.echoes),
+            sum(echo.received_count for echo in observation.echoes),
+        )
+        message = f"{sent_count - received_count} of {sent_count} pings were lost"
         yield BearerFinding(
             Verdict.WARN, "loss", message, "look again; a link that keeps losing packets is about to fail"
         )
 
 
-def twice(seen: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding], ...]:
+def twice(observations: Sequence[SeenLinks]) -> tuple[tuple[str, BearerFinding], ...]:
     """Name boxes that have one address on two ports, most often the factory's, by bearer."""
     ports: dict[str, list[SeenLinks]] = {}
-    for item in seen:
+    for item in observations:
         for stranger in item.strangers:
             ports.setdefault(stranger, []).append(item)
     return tuple(
@@ -450,7 +461,7 @@ def _twice(address: str, many: Sequence[SeenLinks]) -> BearerFinding:
     return BearerFinding(Verdict.FAIL, "address-twice", message, "give each box the address that is declared for it")
 
 
-def ranked(
+def rank(
     statuses: Sequence[BearerStatus], fail_back_s: int, use: tuple[str, BearerFinding] | None = None
 ) -> tuple[BearerStatus, ...]:
     """Say of each what follows from the order of preference; `statuses` stand in that order.
@@ -461,9 +472,9 @@ def ranked(
         return _by_rank(statuses, fail_back_s)
     link, finding = use
     order = sorted(statuses, key=lambda status: status.name != link)
-    found = {status.name: status for status in _by_rank(order, fail_back_s)}
-    found[link] = _with(found[link], finding)
-    return tuple(found[status.name] for status in statuses)
+    status_by_name = {status.name: status for status in _by_rank(order, fail_back_s)}
+    status_by_name[link] = _with(status_by_name[link], finding)
+    return tuple(status_by_name[status.name] for status in statuses)
 
 
 def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[BearerStatus, ...]:
@@ -476,10 +487,10 @@ def _by_rank(statuses: Sequence[BearerStatus], fail_back_s: int) -> tuple[Bearer
         hint = "a router that was never configured has none: run the site; else see what is said of each link"
         return (_with(first, BearerFinding(Verdict.FAIL, "no-way-out", message, hint)), *others)
     place = min(number for number, status in enumerate(statuses) if status.active)
-    return tuple(_ranked(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
+    return tuple(_rank_status(status, number, place, statuses, fail_back_s) for number, status in enumerate(statuses))
 
 
-def _ranked(
+def _rank_status(
     status: BearerStatus, number: int, place: int, statuses: Sequence[BearerStatus], fail_back_s: int
 ) -> BearerStatus:
     if number < place and status.state is LinkState.UP:
@@ -487,8 +498,8 @@ def _ranked(
         hint = f"it is taken again when it has answered for {fail_back_s} s without a break: look again after that"
         return _with(status, BearerFinding(Verdict.WARN, "not-taken-yet", message, hint))
     if number and status.active:
-        paid = ", and every byte is paid" if status.metered else ""
-        message = f"it carries the traffic in place of {statuses[0].name}{paid}"
+        cost_note = ", and every byte is paid" if status.is_metered else ""
+        message = f"it carries the traffic in place of {statuses[0].name}{cost_note}"
         return _with(
             status, BearerFinding(Verdict.WARN, "in-place-of-a-better-one", message, f"repair {statuses[0].name}")
         )

@@ -74,25 +74,25 @@ ASSUMPTIONS: Final = (
 def judge(look: rutos_read.RutosLook) -> SeenAnswers:
     """Judge one look at a unit, a finding for each row; its values are left out, since the report is sent to others."""
     values = _values(look)
-    findings = (AssumptionFinding.of(each.id, _judgement(values.get(each.id, each.shown))) for each in ASSUMPTIONS)
+    findings = (AssumptionFinding.of(each.id, _judgement(values.get(each.id, each.proof))) for each in ASSUMPTIONS)
     return SeenAnswers("", "Teltonika unit", "", tuple(findings), system="RutOS")
 
 
 def _values(look: rutos_read.RutosLook) -> Mapping[str, Mapping[str, object] | str]:
     """What has to be told, None where it is not; a text: why this unit cannot show it now."""
     reading, unread = look.reading, {page: f"the unit does not give {page}" for page in look.unread}
-    away = "" if reading.state in rutos_read.REGISTERED else "the unit is in no network"
+    away = "" if reading.state in rutos_read.REGISTERED_STATES else "the unit is in no network"
     technology = reading.access_tech if reading.access_tech in rutos_read.TECHNOLOGIES.values() else None
     cell = {"technology": technology, "band": reading.band}
     if look.unread != rutos_read.READS[1:]:  # older firmware, which is asked by ubus, tells no more
         cell |= {"cell": reading.cell, "operator code": reading.plmn}
     state = None if reading.state is Registration.UNKNOWN else reading.state
     return {
-        "rutos-state-words": {"registration": state, "data connection": reading.connected},
+        "rutos-state-words": {"registration": state, "data connection": reading.is_connected},
         "rutos-levels": away or {"RSRP": reading.rsrp_dbm, "RSRQ": reading.rsrq_db, "SINR": reading.sinr_db},
         "rutos-cell": away or cell,
         "rutos-address": unread.get(rutos_read.INTERFACES)
-        or ({"address": reading.address} if reading.connected else "the unit has no data connection"),
+        or ({"address": reading.address} if reading.is_connected else "the unit has no data connection"),
         "rutos-serial": unread.get(rutos_read.DEVICE) or {"serial number": look.serial},
     }
 

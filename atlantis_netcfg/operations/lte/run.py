@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.crash_report import crashed
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, complete, worst
+from atlantis_netcfg.core.crash_report import report_crash
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, complete, worst
 from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
@@ -23,25 +23,25 @@ from atlantis_netcfg.links.lte.judge import quality
 from atlantis_netcfg.operations.common.costs import gate
 from atlantis_netcfg.operations.common.kinds import is_unit
 from atlantis_netcfg.operations.common.request import Mode, Request, declaration_of, open_request, refuse_examples
-from atlantis_netcfg.operations.lte.units import FINE, LteResult, LteUnit, NotRehearsed, UnitStatus, words
+from atlantis_netcfg.operations.lte.units import FINE, EmulationUnavailable, LteResult, LteUnit, UnitStatus, words
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
 from atlantis_netcfg.runs import (
     NOT_RECORDED,
-    ActionsConfirmed,
+    ActionConfirmation,
     Journal,
     LayerSent,
     NoJournal,
     Outcome,
-    Planned,
     PlannedAction,
+    PlanRecord,
     Recorder,
-    RunEnded,
-    RunResumed,
-    RunStarted,
+    RunEnd,
+    RunResume,
+    RunStart,
     Store,
     conclude,
-    unrecorded,
+    mark_unrecorded,
 )
 
 if TYPE_CHECKING:
@@ -66,8 +66,8 @@ class UnitPatience:
 class SettingsResult:
     """What has become of the settings."""
 
-    found: tuple[SettingChange, ...] = ()
-    done: bool = False
+    changes: tuple[SettingChange, ...] = ()
+    is_done: bool = False
     refusal: str | None = None
     commands: int = 0
     taken_back: bool = False
@@ -76,17 +76,21 @@ class SettingsResult:
     @property
     def hash(self) -> str:
         """Of what a person sees of the plan."""
-        return hashlib.sha256(json.dumps([(item.line, item.removed) for item in self.found]).encode()).hexdigest()
+        return hashlib.sha256(
+            json.dumps([(item.line, item.previous_line) for item in self.changes]).encode()
+        ).hexdigest()
 
     @property
     def diff(self) -> str:
         """What would be set, as a difference."""
-        rows = ((f"- {item.removed}\n" if item.removed else "") + f"+ {item.line}\n" for item in self.found)
+        rows = (
+            (f"- {item.previous_line}\n" if item.previous_line else "") + f"+ {item.line}\n" for item in self.changes
+        )
         return "".join(rows)
 
 
 LAYER = "uci"
-_TOUCHED = ("proto", "sim", "apn", "auto_apn", "auth", "username", "position", "deny_roaming")
+_MANAGED_OPTIONS = ("proto", "sim", "apn", "auto_apn", "auth", "username", "position", "deny_roaming")
 _SECRET = ("password", "pincode")
 
 
@@ -95,20 +99,20 @@ def sections_of(shell: Commands) -> dict[tuple[str, str], dict[str, str]]:
     end = shell.run(rutos_settings.SHOW)
     if end.code:
         words = (end.error.strip() or f"exit status {end.code}").splitlines()[0]
-        raise rutos_settings.SettingRefused(
+        raise rutos_settings.SettingError(
             f"the unit's configuration cannot be read over SSH: {words}",
             hint="is `admin_user` one who may log in over SSH, and is this a Teltonika unit?",
         )
     return rutos_settings.parse_show(end.out)
 
 
-def masked(sections: dict[tuple[str, str], dict[str, str]]) -> str:
+def mask_secrets(sections: dict[tuple[str, str], dict[str, str]]) -> str:
     """The configuration of before as far as a run may change it, secrets masked; other people's stands beside it."""
     return "".join(
         f"{package}.{section}.{option}='{'********' if option in _SECRET else value}'\n"
         for (package, section), options in sections.items()
         for option, value in options.items()
-        if option in (*_TOUCHED, *_SECRET)
+        if option in (*_MANAGED_OPTIONS, *_SECRET)
     )
 
 
@@ -126,7 +130,7 @@ def planned_action(number: int, change: SettingChange) -> PlannedAction:
 
 
 _WORST = (Verdict.ERROR, Verdict.FAIL)
-_SETTLED = (
+_FINAL_STATES = (
     Registration.DENIED,
     Registration.SIM_MISSING,
     Registration.SIM_PIN_REQUIRED,
@@ -142,12 +146,12 @@ class UnitConvergence:
     """One unit's turn in a run."""
 
     def __init__(
-        self, unit: LteUnit, journal: Recorder, *, plan_only: bool, agreed: str | None, patience: UnitPatience
+        self, unit: LteUnit, journal: Recorder, *, plan_only: bool, approved_hash: str | None, patience: UnitPatience
     ) -> None:
         self._unit = unit
         self._journal = journal
         self._plan_only = plan_only
-        self._agreed = agreed
+        self._approved_hash = approved_hash
         self._patience = patience
         self._touched = False
 
@@ -156,16 +160,16 @@ class UnitConvergence:
         began = time.monotonic()
         try:
             result = self._run()
-        except NotRehearsed as nothing:
+        except EmulationUnavailable as nothing:
             result = LteResult(
                 name=self._unit.name, status=Status.UNCHANGED, exit=ExitCode.NOTHING, message=str(nothing)
             )
         except NetcfgError as error:
-            result = self._failed(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
+            result = self._failure_result(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
         result = replace(result, seconds=time.monotonic() - began)
         self._tell(Stage.DONE if result.exit in FINE else Stage.FAILED, result.message)
         outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        return unrecorded(result, conclude(self._journal, outcome))
+        return mark_unrecorded(result, conclude(self._journal, outcome))
 
     def _run(self) -> LteResult:
         self._tell(Stage.CONNECTING, f"driver {self._unit.device.driver}")
@@ -174,66 +178,75 @@ class UnitConvergence:
         if not self._unit.may_set:
             return self._result(reading, SettingsResult())
         settings = self._set(reading)
-        if settings.done:
+        if settings.is_done:
             try:
-                reading = self._settled(reading)
+                reading = self._wait_for_connection(reading)
                 settings = self._taken_back(reading, settings)
-            except DeviceFailed as silent:
+            except DeviceError as silent:
                 return self._silent(reading, settings, silent)
         if not self._plan_only and reading.reading.state is not Registration.SIM_PIN_REQUIRED:
-            self._unit.tried.forget()
+            self._unit.pin_attempt.forget()
         return self._result(reading, settings)
 
     def _set(self, reading: UnitStatus) -> SettingsResult:
-        unit, desired = self._unit, self._unit.settings
+        unit, desired_settings = self._unit, self._unit.settings
         with unit.shell() as shell:
             sections = sections_of(shell)
-            refusal = rutos_settings.pin_held(reading.reading, desired, sections, tried=unit.tried.why_not)
+            refusal = rutos_settings.pin_held(
+                reading.reading, desired_settings, sections, pin_refusal=unit.pin_attempt.why_not
+            )
             if refusal is not None:
                 return SettingsResult(refusal=refusal, commands=shell.count)
-            settings = SettingsResult(rutos_settings.changes(reading.reading, desired, sections), commands=shell.count)
-            self._tell(Stage.PLANNED, f"{len(settings.found)} settings differ")
-            if self._plan_only or not settings.found:
+            settings = SettingsResult(
+                rutos_settings.changes(reading.reading, desired_settings, sections), commands=shell.count
+            )
+            self._tell(Stage.PLANNED, f"{len(settings.changes)} settings differ")
+            if self._plan_only or not settings.changes:
                 return settings
-            if self._agreed is not None and self._agreed != settings.hash:
-                raise DeviceFailed(
+            if self._approved_hash is not None and self._approved_hash != settings.hash:
+                raise DeviceError(
                     f"{unit.name}: what differs is no longer what was agreed to, so nothing was set",
                     hint="run it again and look at the plan",
                 )
             self._write(shell, settings, sections)
-            return replace(settings, done=True, commands=shell.count)
+            return replace(settings, is_done=True, commands=shell.count)
 
     def _write(
         self, shell: Commands, settings: SettingsResult, sections: dict[tuple[str, str], dict[str, str]]
     ) -> None:
         """Write and read back. What is about to be done is on disk before it is done. Raises DeviceFailed."""
-        name, numbers = self._unit.name, tuple(range(1, len(settings.found) + 1))
-        self._journal.save(name, masked(sections))
-        actions = tuple(planned_action(number, change) for number, change in zip(numbers, settings.found, strict=True))
-        self._journal.write(Planned(device=name, plan=settings.hash, actions=actions))
-        if any(entry.option == rutos_settings.PIN for entry in settings.found):
-            self._unit.tried.remember()
+        name, numbers = self._unit.name, tuple(range(1, len(settings.changes) + 1))
+        self._journal.save(name, mask_secrets(sections))
+        actions = tuple(
+            planned_action(number, change) for number, change in zip(numbers, settings.changes, strict=True)
+        )
+        self._journal.write(PlanRecord(device=name, plan=settings.hash, actions=actions))
+        if any(entry.option == rutos_settings.PIN for entry in settings.changes):
+            self._unit.pin_attempt.remember()
         self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
         self._tell(Stage.APPLYING, f"{len(numbers)} settings")
-        words = shell.run(rutos_settings.WRITE, given=rutos_settings.batch(settings.found)).error.strip()
+        words = shell.run(rutos_settings.WRITE, input_text=rutos_settings.batch(settings.changes)).error.strip()
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
             shell.run(rutos_settings.RELOAD)
         self._tell(Stage.VERIFYING, "reading back in a new session")
         now = self._read_back()
-        kept = [
-            item for item in settings.found if now.get((item.package, item.section), {}).get(item.option) == item.value
+        applied_changes = [
+            item
+            for item in settings.changes
+            if now.get((item.package, item.section), {}).get(item.option) == item.value
         ]
-        if len(kept) != len(settings.found):
-            self._touched = bool(kept)
-            lost = next(element for element in settings.found if element not in kept)
-            raise DeviceFailed(
-                f"{name}: {len(kept)} of {len(settings.found)} settings were kept; not kept: {lost.package}."
-                f"{lost.section}.{lost.option}{f' ({words.splitlines()[0]})' if words else ''}",
+        if len(applied_changes) != len(settings.changes):
+            self._touched = bool(applied_changes)
+            missing_change = next(element for element in settings.changes if element not in applied_changes)
+            raise DeviceError(
+                f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were kept; not kept: "
+                f"{missing_change.package}."
+                f"{missing_change.section}.{missing_change.option}{f' ({words.splitlines()[0]})' if words else ''}",
                 hint="is the unit's flash full, or its configuration locked? Look at its own page",
             )
-        self._journal.write(ActionsConfirmed(device=name, actions=numbers))
+        self._journal.write(ActionConfirmation(device=name, actions=numbers))
         self._touched = False
 
     def _read_back(self) -> dict[tuple[str, str], dict[str, str]]:
@@ -250,29 +263,33 @@ class UnitConvergence:
 
     def _taken_back(self, reading: UnitStatus, settings: SettingsResult) -> SettingsResult:
         """Take a PIN that the SIM has refused back from the unit, which would try it again at its next start."""
-        wrong = next((item for item in settings.found if item.option == rutos_settings.PIN), None)
+        wrong = next((item for item in settings.changes if item.option == rutos_settings.PIN), None)
         if wrong is None or reading.reading.state is not Registration.SIM_PIN_REQUIRED:
             return settings
         with self._unit.shell() as shell:
-            shell.run(rutos_settings.WRITE, given=rutos_settings.removal(wrong))
+            shell.run(rutos_settings.WRITE, input_text=rutos_settings.removal(wrong))
             if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
-                raise DeviceFailed(
+                raise DeviceError(
                     f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
                     hint="remove the PIN on the unit's own page before it starts again",
                 )
             return replace(settings, taken_back=True, commands=settings.commands + shell.count)
 
-    def _settled(self, before: UnitStatus) -> UnitStatus:
+    def _wait_for_connection(self, before: UnitStatus) -> UnitStatus:
         """Look until the unit is in its network with a connection, or waiting is in vain."""
         until = time.monotonic() + self._patience.settle_s
-        requests, sent, received = before.requests, before.sent, before.received
+        requests, sent_bytes, received_bytes = before.requests, before.sent_bytes, before.received_bytes
         while True:
             reading = self._again()
-            requests, sent, received = requests + reading.requests, sent + reading.sent, received + reading.received
+            requests, sent_bytes, received_bytes = (
+                requests + reading.requests,
+                sent_bytes + reading.sent_bytes,
+                received_bytes + reading.received_bytes,
+            )
             quiet = not any(finding.verdict in _WORST for finding in reading.findings)
             final = any(finding.code == _FINAL for finding in reading.findings)
-            if quiet or final or reading.reading.state in _SETTLED or time.monotonic() > until:
-                return replace(reading, requests=requests, sent=sent, received=received)
+            if quiet or final or reading.reading.state in _FINAL_STATES or time.monotonic() > until:
+                return replace(reading, requests=requests, sent_bytes=sent_bytes, received_bytes=received_bytes)
             self._tell(Stage.WAITING, reading.reading.state.value.replace("_", " "))
             time.sleep(self._patience.poll_s)
 
@@ -287,9 +304,9 @@ class UnitConvergence:
                     raise
                 time.sleep(self._patience.poll_s)
 
-    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceFailed) -> LteResult:
+    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceError) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
-        message = f"{len(settings.found)} settings applied and verified; since then: {silent}"
+        message = f"{len(settings.changes)} settings applied and verified; since then: {silent}"
         result = self._result(before, settings)
         return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
 
@@ -309,16 +326,16 @@ class UnitConvergence:
             exit=code,
             message=message,
             hint=hint,
-            planned=len(settings.found),
-            confirmed=len(settings.found) - settings.taken_back if settings.done else 0,
+            planned_actions=len(settings.changes),
+            confirmed_actions=len(settings.changes) - settings.taken_back if settings.is_done else 0,
             diff=settings.diff,
             notes=(*others, *self._unset()),
             plan_hash=settings.hash,
             findings=reading.findings,
             quality=quality(reading.reading),
             requests=reading.requests + settings.commands,
-            sent=reading.sent,
-            received=reading.received,
+            sent_bytes=reading.sent_bytes,
+            received_bytes=reading.received_bytes,
             serial=reading.serial,
         )
 
@@ -326,12 +343,12 @@ class UnitConvergence:
         if settings.refusal is not None:
             return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.refusal
         words = _state(reading)
-        if settings.done:
-            kept = f"{len(settings.found) - settings.taken_back} settings applied and verified"
+        if settings.is_done:
+            summary = f"{len(settings.changes) - settings.taken_back} settings applied and verified"
             back = ", the PIN taken back" if settings.taken_back else ""
-            return Status.CHANGED, ExitCode.DONE, f"{kept}{back}; {words}"
-        if settings.found:
-            return Status.PLANNED, ExitCode.CHANGES, f"{len(settings.found)} settings would be set; {words}"
+            return Status.CHANGED, ExitCode.DONE, f"{summary}{back}; {words}"
+        if settings.changes:
+            return Status.PLANNED, ExitCode.CHANGES, f"{len(settings.changes)} settings would be set; {words}"
         if self._unit.device.driver is LteDriver.MANUAL:
             return Status.UNCHANGED, ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
         if self._unit.may_set:
@@ -349,7 +366,7 @@ class UnitConvergence:
             return (f"driver {driver} reads only: the SIM's settings are compared, and not set",)
         return ()
 
-    def _failed(self, error: NetcfgError, status: Status) -> LteResult:
+    def _failure_result(self, error: NetcfgError, status: Status) -> LteResult:
         code = ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
         hint = error.hint and complete(error.hint, site=self._unit.host.site, device=self._unit.name)
         return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=hint)
@@ -366,7 +383,7 @@ def _state(look: UnitStatus) -> str:
     return f"{words} ({network})" if network else words
 
 
-_REHEARSED = UnitPatience(settle_s=1.0, poll_s=0.1)
+_REHEARSAL_PATIENCE = UnitPatience(settle_s=1.0, poll_s=0.1)
 
 
 def perform(
@@ -382,10 +399,10 @@ def perform(
     Of the hosts those that the RouterOS engine handles are left to it. A run that goes back to an earlier state, or
     only saves or compares, is none of ours: then nothing is asked.
     """
-    with open_request(request, plan_only=plan_only) as (performed, channel):
+    with open_request(request, plan_only=plan_only) as (run_request, channel):
         declaration = declaration_of(inventory, decrypt)
         units = [declaration.hosts[name] for name in hosts if is_unit(declaration.hosts[name])]
-        results = _perform(declaration, units, performed, channel) if _ours(performed) else {}
+        results = _perform(declaration, units, run_request, channel) if _ours(run_request) else {}
     return {"per_host": {name: _of_host(result) for name, result in results.items()}}
 
 
@@ -398,7 +415,7 @@ def _perform(
     declaration: Declaration, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     if units:
-        refuse_examples(declaration, rehearsed=request.rehearsed)
+        refuse_examples(declaration, is_rehearsal=request.rehearsed)
     gate(declaration, units, request)
     results: dict[str, LteResult] = {}
     for site in sorted({host.site for host in units}):
@@ -410,21 +427,21 @@ def _site(
     declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
-    store = Store(request.state, rehearsed=request.rehearsed)
+    store = Store(request.state, is_rehearsal=request.rehearsed)
     results: dict[str, LteResult] = {}
     with ExitStack() as stack:
         journal: Recorder = NoJournal()
         run = ""
         if not request.mode.reads_only:
             stack.enter_context(store.lock(site, request.command))
-            opened = stack.enter_context(_journal(declaration, site, units, request, store))
-            journal, run = opened, opened.run
+            run_journal = stack.enter_context(_journal(declaration, site, units, request, store))
+            journal, run = run_journal, run_journal.run
             channel.outcome({}, {site: {"4g": run}})
         for host in units:
             result = results[host.name] = _unit(host, request, store, journal, channel)
             if host is units[-1]:
-                ended = RunEnded(exit=int(worst(result.exit for result in results.values())))
-                result = results[host.name] = unrecorded(result, conclude(journal, ended))
+                end_record = RunEnd(exit=int(worst(result.exit for result in results.values())))
+                result = results[host.name] = mark_unrecorded(result, conclude(journal, end_record))
                 run = "" if NOT_RECORDED in result.message else run
             channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {site: {"4g": run}})
     return results
@@ -439,20 +456,20 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
         host.device,
         store,
         channel.event,
-        rehearsed=request.rehearsed,
+        is_rehearsal=request.rehearsed,
         target=request.targets.get(host.name) if request.rehearsed else None,
     )
     turn = UnitConvergence(
         unit,
         journal,
         plan_only=request.mode is Mode.PLAN,
-        agreed=None if request.plans is None else request.plans.get(host.name, ""),
-        patience=_REHEARSED if request.rehearsed else UnitPatience(),
+        approved_hash=None if request.plans is None else request.plans.get(host.name, ""),
+        patience=_REHEARSAL_PATIENCE if request.rehearsed else UnitPatience(),
     )
     try:
         return turn.run()
     except Exception as fault:  # noqa: BLE001 - a fault of ours on one unit must not hide what became of the others
-        problem = crashed(fault, request.command, lambda: request.state)
+        problem = report_crash(fault, request.command, lambda: request.state)
         return LteResult(
             name=host.name, status=Status.UNKNOWN, exit=problem.exit, message=str(problem), hint=problem.hint
         )
@@ -460,10 +477,10 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
 
 def _journal(declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: Store) -> Journal:
     if request.mode is Mode.RESUME and request.run is not None:
-        resumed = RunResumed(revision=declaration.revision, tool=__version__, command=request.command)
-        return store.resume(site, request.run, resumed)
+        record = RunResume(revision=declaration.revision, tool=__version__, command=request.command)
+        return store.resume(site, request.run, record)
     return store.start(
-        RunStarted(
+        RunStart(
             site=site,
             revision=declaration.revision,
             tool=__version__,
@@ -478,5 +495,5 @@ def _of_host(result: LteResult) -> dict[str, Any]:
     fine = result.exit in FINE
     message = f"{result.message} ({result.hint})" if result.hint else result.message
     diff = f"{result.name}:\n{result.diff}" if result.diff else ""
-    changed = bool(result.planned) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
-    return {**result.as_dict(), "ok": fine, "changed": changed, "message": message, "shown": diff}
+    has_changed = bool(result.planned_actions) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
+    return {**result.as_dict(), "ok": fine, "changed": has_changed, "message": message, "shown": diff}

@@ -6,13 +6,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Subscriber, Verdict
 from atlantis_netcfg.emulator import modem, rutos
 from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.links.lte import judge as record
-from atlantis_netcfg.links.lte.judge import LteExpected, judge
+from atlantis_netcfg.links.lte.judge import LteSubscription, judge
 from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.operations.common.terminals import TriedPin
 from atlantis_netcfg.routeros.console.ssh import Commands, open_commands
@@ -38,7 +38,7 @@ _SERIAL = "serial number of "
 """Before a device's name where its serial number is kept among the pins; names have no spaces."""
 
 
-class NotRehearsed(NetcfgError):
+class EmulationUnavailable(NetcfgError):
     """There is no emulation of what this driver talks to."""
 
 
@@ -49,8 +49,8 @@ class UnitStatus:
     reading: LteReading
     findings: tuple[BearerFinding, ...]
     requests: int = 0
-    sent: int = 0
-    received: int = 0
+    sent_bytes: int = 0
+    received_bytes: int = 0
     serial: str | None = None
     identities: Mapping[str, str] = field(default_factory=dict, repr=False)
     """`imei` and `iccid`, whole; for a record that masks them."""
@@ -65,7 +65,7 @@ class LteUnit:
     store: Store
     """Pins of its certificates, and whether its SIM's PIN was tried."""
     notify: Subscriber
-    rehearsed: bool = False
+    is_rehearsal: bool = False
     target: Target | None = None
     """Rehearsal: where its emulation listens; None: there is none."""
 
@@ -90,10 +90,10 @@ class LteUnit:
         )
 
     @property
-    def expected(self) -> LteExpected:
+    def expectation(self) -> LteSubscription:
         """What is declared of its SIM, to be judged."""
         sim = self.device.sim
-        return LteExpected(
+        return LteSubscription(
             apn=sim.apn,
             roaming=sim.roaming,
             pin_declared=sim.pin is not None,
@@ -103,8 +103,8 @@ class LteUnit:
 
     def look(self) -> UnitStatus:
         """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
-        if self.rehearsed and self.target is None and self.device.driver is not LteDriver.MANUAL:
-            raise NotRehearsed(f"not looked at: there is no emulation for driver {self.device.driver}")
+        if self.is_rehearsal and self.target is None and self.device.driver is not LteDriver.MANUAL:
+            raise EmulationUnavailable(f"not looked at: there is no emulation for driver {self.device.driver}")
         readers: dict[LteDriver, Callable[[], UnitStatus]] = {
             LteDriver.RUTOS: self._rutos,
             LteDriver.AT: self._at,
@@ -148,45 +148,46 @@ class LteUnit:
         return self.store.pins
 
     @property
-    def tried(self) -> TriedPin:
+    def pin_attempt(self) -> TriedPin:
         """What is remembered of a PIN that its SIM has not taken."""
         return TriedPin(self.store.root, self.host.site, self.name)
 
     @property
     def pin_tried(self) -> bool:
         """Whether a run has tried a PIN on its SIM since the SIM was last seen unlocked."""
-        return bool(self.tried.why_not)
+        return bool(self.pin_attempt.why_not)
 
     def _rutos(self) -> UnitStatus:
-        found = rutos_read.read(self.endpoint)
-        self._identify(found.serial)
-        reading = found.reading
+        result = rutos_read.read(self.endpoint)
+        self._identify(result.serial)
+        reading = result.reading
         if reading.state is Registration.SIM_PIN_REQUIRED and self.pin_tried:
             # RutOS does not say that a PIN was wrong, only that one is asked for: that one was tried is known here.
             reading = replace(reading, pin_refused=True)
-        spent = (found.requests, found.sent, found.received)
-        return UnitStatus(reading, judge(reading, self.expected), *spent, found.serial, found.identities)
+        usage = (result.requests, result.sent_bytes, result.received_bytes)
+        return UnitStatus(reading, judge(reading, self.expectation), *usage, result.serial, result.identities)
 
     def _identify(self, serial: str | None) -> None:
         """A unit is known by its serial number, where it tells one."""
         if serial is None:
             return
-        known = self.pins.pin(f"{_SERIAL}{self.name}", serial)
-        if known != serial:
-            raise DeviceFailed(
-                f"{self.name}: another unit answers here: serial number {serial}, and the one that was met is {known}",
+        saved_serial = self.pins.pin(f"{_SERIAL}{self.name}", serial)
+        if saved_serial != serial:
+            raise DeviceError(
+                f"{self.name}: another unit answers here: serial number {serial}, "
+                f"and the one that was met is {saved_serial}",
                 hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
             )
 
     def _at(self) -> UnitStatus:
         port = self.target.serial if self.target is not None else self.device.serial
         assert port is not None  # noqa: S101 - inventory/rules/lte.py; each emulated modem has one
-        found = at.read(port)
-        return UnitStatus(found.reading, judge(found.reading, self.expected), found.commands)
+        result = at.read(port)
+        return UnitStatus(result.reading, judge(result.reading, self.expectation), result.commands)
 
     def _modemmanager(self) -> UnitStatus:
-        found = modemmanager.read()
-        return UnitStatus(found.reading, (*judge(found.reading, self.expected), *found.findings), found.calls)
+        result = modemmanager.read()
+        return UnitStatus(result.reading, (*judge(result.reading, self.expectation), *result.findings), result.calls)
 
     def _manual(self) -> UnitStatus:
         return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
@@ -205,17 +206,17 @@ class LteResult:
     exit: ExitCode
     message: str
     hint: str | None = None
-    planned: int = 0
-    confirmed: int = 0
+    planned_actions: int = 0
+    confirmed_actions: int = 0
     diff: str = ""
     notes: tuple[str, ...] = ()
     plan_hash: str = ""
     findings: tuple[BearerFinding, ...] = ()
     quality: Quality = field(default_factory=dict)
     requests: int = 0
-    sent: int = 0
-    """Bytes of what we sent, without headers and TLS, and without SSH; so is `received`."""
-    received: int = 0
+    sent_bytes: int = 0
+    """Bytes of what we sent, without headers and TLS, and without SSH; so is `received_bytes`."""
+    received_bytes: int = 0
     seconds: float = 0.0
     serial: str | None = None
     """The unit's serial number, which identifies it."""
@@ -228,8 +229,8 @@ class LteResult:
             "message": self.message,
             "hint": self.hint,
             "busy": "",
-            "planned": self.planned,
-            "confirmed": self.confirmed,
+            "planned": self.planned_actions,
+            "confirmed": self.confirmed_actions,
             "diff": self.diff,
             "drift": [],
             "comparison": None,
@@ -239,7 +240,7 @@ class LteResult:
             "protection": "none",
             "protection_words": "none: the settings of a 4G unit are written at once, and read back",
             "round_trips": self.requests,
-            "bytes": {"sent": self.sent, "received": self.received},
+            "bytes": {"sent": self.sent_bytes, "received": self.received_bytes},
             "seconds": round(self.seconds, 3),
             "version": None,
             "board": None,
@@ -270,16 +271,16 @@ class EmulatedUnit:
 def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str, EmulatedUnit]]:
     """Start those of these hosts that can be emulated; they end with the context."""
     with ExitStack() as stack:
-        found = {}
+        units = {}
         for host in hosts:
             device = host.device
             if not isinstance(device, LteRouter):
                 continue
             if device.driver is LteDriver.RUTOS:
-                found[host.name] = _rutos(stack, host.name, device, folder)
+                units[host.name] = _rutos(stack, host.name, device, folder)
             elif device.driver is LteDriver.AT:
-                found[host.name] = _modem(stack, device)
-        yield found
+                units[host.name] = _modem(stack, device)
+        yield units
 
 
 def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
@@ -315,7 +316,7 @@ def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> Emul
 
     def tune(truth: PlaceTruth) -> None:
         levels = {"rsrp_dbm": truth.rsrp_dbm, "rsrq_db": truth.rsrq_db, "sinr_db": truth.sinr_db}
-        twin.hear(rutos.RutosNetwork(silent=not truth.served, cell_id=truth.cell_id, **levels))
+        twin.hear(rutos.RutosNetwork(silent=not truth.has_service, cell_id=truth.cell_id, **levels))
 
     return EmulatedUnit(target, running.unit.export, tune)
 

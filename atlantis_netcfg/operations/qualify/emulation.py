@@ -54,13 +54,13 @@ class EmulatedLink:
     @contextmanager
     def transport(self) -> Iterator[UdpTransport]:
         """Of a sender in front of the relay."""
-        with UdpTransport(self.relay.address, source="127.0.0.1") as opened:
-            yield opened
+        with UdpTransport(self.relay.address, source="127.0.0.1") as sender:
+            yield sender
 
     def tell(self, router: str, flow: MeasuredFlow) -> list[str]:
         """Tell the router what was carried; what has to be said of it."""
         up, down = self.relay.up, self.relay.down
-        arrived = down.sent - down.lost - down.dropped - down.in_gaps + down.copies
+        arrived_packets = down.sent_count - down.loss_count - down.drop_count - down.in_gaps + down.copies
         answer = self.twins.twins.do(
             router,
             "carry",
@@ -68,8 +68,8 @@ class EmulatedLink:
             source_port=flow.source_port or _TUNNEL_PORT,
             target=flow.far,
             target_port=flow.far_port,
-            up=[up.sent, up.sent_bytes],
-            down=[arrived, down.delivered_bytes],
+            up=[up.sent_count, up.sent_bytes],
+            down=[arrived_packets, down.delivered_bytes],
         )
         if answer["passed"]:
             return []

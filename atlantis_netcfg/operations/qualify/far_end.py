@@ -13,9 +13,9 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.reflector import QUALIFY_SERVICE
-from atlantis_netcfg.core.errors import DeviceFailed, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import DeviceError, NoMatchError, UsageError
 from atlantis_netcfg.inventory.model import ServerComputer, Transport
-from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed, far_end
+from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed_targets, far_end
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.reflector.stamp import PORT, reflector_key
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
@@ -33,7 +33,7 @@ _OPENING_S = 120.0
 """A gap of a satellite link, and what SSH takes over it."""
 
 
-class NothingToQualify(NothingMatched):
+class NothingToQualify(NoMatchError):
     """The site has no such link, no router that could lead the packets, or no far end is declared."""
 
 
@@ -65,7 +65,7 @@ class MeasuredFarEnd:
                 hint="leave `far=` out, or type `profile=telemetry`",
             )
         for bearer in links:
-            targets = allowed(declaration.pilot, bearer)
+            targets = allowed_targets(declaration.pilot, bearer)
             if bearer.kind.traits.allow_list and not admits(
                 targets, IPv4Address(self.address), self.port, Transport.UDP
             ):
@@ -84,7 +84,7 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = 
         why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
         raise NothingToQualify(why, hint="leave `over=vpn` out")
     if other is not None:
-        return _named(declaration, other, over_vpn=over_vpn)
+        return _parse_far_end(declaration, other, over_vpn=over_vpn)
     qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
     if qualify is None or target is None:
         hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
@@ -104,7 +104,7 @@ def key_of(qualify: Qualify) -> bytes:
     return reflector_key(qualify.key.reveal().encode().strip(), qualify.reflector)
 
 
-class FarEndClosed(DeviceFailed):
+class FarEndUnavailable(DeviceError):
     """The program at the far end was not started: nothing was measured."""
 
 
@@ -120,19 +120,19 @@ def open_far_end(declaration: Declaration, request: Request) -> None:
     command = [*ssh_command(access), f"sudo -n {line}" if access["become"] else line]
     hint = f"see that you reach it over SSH; `provision site={host.site} only={host.name}` sets it up"
     try:
-        done = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
+        process = subprocess.run(  # noqa: S603 - ssh, and arguments that are ours
             command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_OPENING_S, check=False
         )
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise FarEndClosed(f"{host.name} did not open the far end of measurements: {error}", hint=hint) from None
-    if done.returncode:
-        if (trouble := key_trouble(host.name, done.stderr)) is not None:
-            raise FarEndClosed(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
-        last = done.stderr.strip().rpartition("\n")[2] or f"exit {done.returncode}"
-        raise FarEndClosed(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
+        raise FarEndUnavailable(f"{host.name} did not open the far end of measurements: {error}", hint=hint) from None
+    if process.returncode:
+        if (trouble := key_trouble(host.name, process.stderr)) is not None:
+            raise FarEndUnavailable(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+        last = process.stderr.strip().rpartition("\n")[2] or f"exit {process.returncode}"
+        raise FarEndUnavailable(f"{host.name} did not open the far end of measurements: {last}", hint=hint)
 
 
-def _named(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
+def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> MeasuredFarEnd:
     """A reflector of others, by what a person types. Raises UsageError."""
     host, colon, number = text.partition(":")
     try:

@@ -12,7 +12,7 @@ from atlantis_netcfg.links.qualify.messages import MessageStream
 from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.links.qualify.path_mtu import ETHERNET, PathMtu, path_mtu
 from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE
-from atlantis_netcfg.links.qualify.samples import MessageEnded, PacketSent, ReplyReceived
+from atlantis_netcfg.links.qualify.samples import MessageResult, PacketSent, ReplySample
 from atlantis_netcfg.links.qualify.search import RateLimit, SustainedRate, sustained_rate
 from atlantis_netcfg.links.qualify.session import EndReason, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan, RateCell
 
-LED, IDLE, LOADED, LOAD_UP, LOAD_DOWN = "led", "idle", "loaded", "load up", "load down"
+TUNNEL_SWITCH, IDLE, UNDER_LOAD, LOAD_UP, LOAD_DOWN = "led", "idle", "loaded", "load up", "load down"
 CUT_OFF = "cut off"
 """The reason of a run that could not say how it ended."""
 
@@ -60,11 +60,11 @@ class CountedTransport:
 
     def send(self, datagram: bytes) -> str:
         """As the protocol has it."""
-        refused = self._inner.send(datagram)
-        if not refused:
+        error = self._inner.send(datagram)
+        if not error:
             self.sent_packets += 1
             self.sent_bytes += len(datagram) + self.headers
-        return refused
+        return error
 
     def receive(self, until_ns: int) -> Arrival | None:
         """As the protocol has it. KeyboardInterrupt: somebody stops it, as a person at the keyboard does."""
@@ -86,7 +86,7 @@ class Measurement:
     transport: CountedTransport
     guard: BudgetGuard
     keep: Callable[[Sample], None]
-    say: Callable[[str, int, int], None] = lambda _message, _done, _total: None
+    say: Callable[[str, int, int], None] = lambda _message, _step, _total: None
     samples: list[Sample] = field(default_factory=list)
     mtu: PathMtu = field(default_factory=lambda: PathMtu(None, None, "not measured"))
     rates: list[SustainedRate] = field(default_factory=list)
@@ -96,7 +96,7 @@ class Measurement:
     """Packets of the search for the path MTU that nobody answered: most were too long."""
 
     @property
-    def lost(self) -> int:
+    def max_lost(self) -> int:
         """How many packets may be lost on the way, at most."""
         return lost_packets(self.samples) + self.unanswered_sizes
 
@@ -108,7 +108,7 @@ class Measurement:
     def measure(self) -> str:
         """Send everything; why it ended. What was measured until then is kept."""
         stages: list[tuple[str, Callable[[], None]]] = [
-            *([("the tunnel over the link", self._led)] if self.plan.led is not None else []),
+            *([("the tunnel over the link", self._run_tunnel_switch)] if self.plan.tunnel_switch is not None else []),
             ("round trips without load", self._idle),
             ("path MTU", self._mtu),
             *([("round trips beside a load", self._load)] if self.plan.load is not None else []),
@@ -129,9 +129,9 @@ class Measurement:
             self.reason = EndReason.LEFT_OUT
         return self.reason
 
-    def _led(self) -> None:
-        assert self.plan.led is not None  # noqa: S101 - `measure` has looked
-        self._run_streams(Train(LED, self.plan.led, self.peer, self.transport, self.write))
+    def _run_tunnel_switch(self) -> None:
+        assert self.plan.tunnel_switch is not None  # noqa: S101 - `measure` has looked
+        self._run_streams(Train(TUNNEL_SWITCH, self.plan.tunnel_switch, self.peer, self.transport, self.write))
 
     def _idle(self) -> None:
         self._run_streams(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
@@ -153,7 +153,7 @@ class Measurement:
         self.unanswered_sizes = max(0, self.transport.sent_packets - self.transport.received_packets - before)
         if self.guard.limited_by is not None:
             self.reason = self.guard.limited_by
-        elif self.mtu.both is None and not any(isinstance(each, ReplyReceived) for each in self.samples):
+        elif self.mtu.both is None and not any(isinstance(each, ReplySample) for each in self.samples):
             self.reason = EndReason.SILENT
 
     def _load(self) -> None:
@@ -161,7 +161,7 @@ class Measurement:
         idle = self.plan.idle
         beside = TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
         self._run_streams(
-            Train(LOADED, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
+            Train(UNDER_LOAD, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
         )
 
     def _load_down(self) -> None:
@@ -186,7 +186,7 @@ class Measurement:
         if idle.delay_p95_s is None:
             self.rates.append(SustainedRate(size, None, RateLimit.SILENCE, ()))
             return
-        found = sustained_rate(
+        result = sustained_rate(
             size,
             lambda rate: self._messages(f"rate {size} {rate:g}", size, rate),
             idle_latency_s=0.0 if idle.latency is None else idle.latency.p50,
@@ -194,7 +194,7 @@ class Measurement:
             first_hz=self.plan.first_hz(size),
             highest_hz=HIGHEST_HZ,
         )
-        self.rates.append(found)
+        self.rates.append(result)
 
     def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
         plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)
@@ -204,10 +204,12 @@ class Measurement:
 
 def lost_packets(samples: Iterable[Sample]) -> int:
     """Count what may have been lost on the way, at most: unanswered test packets, and chunks of messages not whole."""
-    kept: Sequence[Sample] = tuple(samples)
-    sent = {(each.stream, each.sequence) for each in kept if isinstance(each, PacketSent) and not each.error}
-    answered = {(each.stream, each.sequence) for each in kept if isinstance(each, ReplyReceived)}
+    sample_list: Sequence[Sample] = tuple(samples)
+    sent_packets = {
+        (each.stream, each.sequence) for each in sample_list if isinstance(each, PacketSent) and not each.error
+    }
+    answered_packets = {(each.stream, each.sequence) for each in sample_list if isinstance(each, ReplySample)}
     chunks = sum(
-        each.chunks_sent for each in kept if isinstance(each, MessageEnded) and each.acknowledged_at_ns is None
+        each.chunks_sent for each in sample_list if isinstance(each, MessageResult) and each.acknowledged_at_ns is None
     )
-    return len(sent - answered) + chunks
+    return len(sent_packets - answered_packets) + chunks

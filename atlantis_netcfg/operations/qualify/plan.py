@@ -47,7 +47,7 @@ LOAD_SHARE: Final = 1.2
 """Of the declared rate of the link: more than it carries, so that its queue fills."""
 LOAD_LIMIT_BPS: Final = 40e6
 """The far end sends no source more than 50 Mbit/s."""
-CARRIED: Final = 1.5
+MAX_LOAD_SHARE: Final = 1.5
 """A cell of a grid that offers more than this share of the declared rate is not tried."""
 SEARCH_SIZES: Final = {Selection.TELEMETRY: 200, Selection.IMAGES: 6_000, Selection.THROUGHPUT: 20_000}
 """Octets of the messages whose highest rate is looked for: 128 with RTPS around it, and two images."""
@@ -79,7 +79,7 @@ TIMES: Final = {
 }
 REHEARSED_GAP_S: Final = 5.0
 """The train without load lasts 6 s in a rehearsal, and could show no longer gap."""
-REHEARSED: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
+REHEARSAL_TIMES: Final = StageTimes(0.01, 1.5, 1, 1, 2, 1, 5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ class QualifyPlan:
     """Whose highest rate is looked for."""
     headers: int = IPV4_HEADERS
     """Of each packet on the link: IPv4 and UDP, and what the VPN puts around them."""
-    led: TrainPlan | None = None
+    tunnel_switch: TrainPlan | None = None
     """Packets that may be lost while a tunnel moves to the link: no figure is made of them."""
 
     @property
@@ -119,8 +119,8 @@ class QualifyPlan:
         """What goes over the link at most, both ways together, headers included; nothing is sent again."""
         headers = self.headers
         total = train_bytes(self.idle, headers) + _MTU_BYTES
-        if self.led is not None:
-            total += train_bytes(self.led, headers)
+        if self.tunnel_switch is not None:
+            total += train_bytes(self.tunnel_switch, headers)
         if self.load is not None:
             beside = TrainPlan(AUTHENTICATED_SIZE, self.idle.interval_s, self.times.load_s)
             total += message_bytes(self.load, headers) + train_bytes(beside, headers)
@@ -138,7 +138,7 @@ class QualifyPlan:
         """How long it takes on a link without gaps."""
         wait, times = self.times.timeout_s, self.times
         seconds = self.idle.duration_s + wait + 10 * wait
-        seconds += 0 if self.led is None else self.led.duration_s + wait
+        seconds += 0 if self.tunnel_switch is None else self.tunnel_switch.duration_s + wait
         seconds += sum(times.load_s + wait for load in (self.load, self.load_down) if load is not None)
         seconds += sum(cell.plan.duration_s + wait for cell in self.cells)
         for size in self.sizes:
@@ -174,47 +174,47 @@ class QualifyPlan:
             yield self.window(size, rate)
 
 
-def thresholds_of(bearer: Bearer, *, rehearsed: bool = False) -> tuple[str, QualifyProfile]:
+def thresholds_of(bearer: Bearer, *, is_rehearsal: bool = False) -> tuple[str, QualifyProfile]:
     """What a link is held against, with the name that a person reads. A rehearsed train shows short gaps only."""
-    declared = bearer.qualify
-    name = (declared.profile or bearer.kind.traits.thresholds).value
-    changes = declared.model_dump(exclude={"profile"}, exclude_none=True)
-    shown = f"{name}, with its own {', '.join(changes)}" if changes else name
+    settings = bearer.qualify
+    name = (settings.profile or bearer.kind.traits.thresholds).value
+    changes = settings.model_dump(exclude={"profile"}, exclude_none=True)
+    title = f"{name}, with its own {', '.join(changes)}" if changes else name
     limits = profile(name).model_copy(update=changes)
-    if rehearsed and limits.gap_s > REHEARSED_GAP_S:
+    if is_rehearsal and limits.gap_s > REHEARSED_GAP_S:
         limits = limits.model_copy(update={"gap_s": REHEARSED_GAP_S})
-        shown += f", gaps up to {REHEARSED_GAP_S:g} s in a rehearsal"
-    return shown, limits
+        title += f", gaps up to {REHEARSED_GAP_S:g} s in a rehearsal"
+    return title, limits
 
 
-def _idle_packets(bearer: Bearer, interval_s: float, *, rehearsed: bool) -> int:
+def _idle_packets(bearer: Bearer, interval_s: float, *, is_rehearsal: bool) -> int:
     """As many as prove something, and on a real link for long enough that the longest gap allowed would be seen."""
     limits = thresholds_of(bearer)[1]
-    outlasts = 0 if rehearsed else ceil(GAP_SHARE * limits.gap_s / interval_s)
+    outlasts = 0 if is_rehearsal else ceil(GAP_SHARE * limits.gap_s / interval_s)
     return max(IDLE_PACKETS, limits.min_samples, outlasts)
 
 
-def planned(
-    bearer: Bearer, selection: Selection, *, rehearsed: bool = False, over_vpn: bool = False, confirms: bool = True
+def build_plan(
+    bearer: Bearer, selection: Selection, *, is_rehearsal: bool = False, over_vpn: bool = False, confirms: bool = True
 ) -> QualifyPlan:
     """Pure. `confirms`: the far end is ours; one of others answers packets, and knows nothing of messages."""
     headers = IPV4_HEADERS + (VPN_HEADERS if over_vpn else 0)
-    times = REHEARSED if rehearsed else TIMES[bearer.kind.traits.pace]
+    times = REHEARSAL_TIMES if is_rehearsal else TIMES[bearer.kind.traits.pace]
     up_bps, down_bps = bearer.rate.up_kbps * 1000, bearer.rate.down_kbps * 1000
-    chosen = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
-    cells = [*_cells(chosen, times)]
-    carried = [cell for cell in cells if _offered_bps(cell, headers) <= CARRIED * up_bps]
-    idle_s = _idle_packets(bearer, times.idle_interval_s, rehearsed=rehearsed) * times.idle_interval_s
+    selections = [part for part in SEARCH_SIZES if selection in {part, Selection.ALL}]
+    cells = [*_cells(selections, times)]
+    feasible_cells = [cell for cell in cells if _offered_bps(cell, headers) <= MAX_LOAD_SHARE * up_bps]
+    idle_s = _idle_packets(bearer, times.idle_interval_s, is_rehearsal=is_rehearsal) * times.idle_interval_s
     return QualifyPlan(
         selection,
         times,
         up_bps,
         TrainPlan(AUTHENTICATED_SIZE, times.idle_interval_s, idle_s, times.timeout_s),
-        _load(up_bps, times) if Selection.THROUGHPUT in chosen else None,
-        _load(down_bps, times) if Selection.THROUGHPUT in chosen else None,
-        tuple(carried),
-        len(cells) - len(carried),
-        tuple(SEARCH_SIZES[part] for part in chosen) if confirms else (),
+        _load(up_bps, times) if Selection.THROUGHPUT in selections else None,
+        _load(down_bps, times) if Selection.THROUGHPUT in selections else None,
+        tuple(feasible_cells),
+        len(cells) - len(feasible_cells),
+        tuple(SEARCH_SIZES[part] for part in selections) if confirms else (),
         headers,
         TrainPlan(AUTHENTICATED_SIZE, 0.5, 1.5, times.timeout_s) if over_vpn else None,
     )
@@ -226,16 +226,16 @@ def _load(rate_bps: float, times: StageTimes) -> MessagePlan:
     return MessagePlan(round(pace / 8 / 2), 2.0, times.load_s, pace_bps=pace, give_up_s=times.give_up_s)
 
 
-def _cells(chosen: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]:
+def _cells(selections: Sequence[Selection], times: StageTimes) -> Iterator[RateCell]:
     # Fewer than ten packets prove nothing of a rate, so a rehearsal waits for no more than one.
-    least = 1 if times is REHEARSED else _LEAST_MESSAGES
-    if Selection.TELEMETRY in chosen:
+    least = 1 if times is REHEARSAL_TIMES else _LEAST_MESSAGES
+    if Selection.TELEMETRY in selections:
         for octets in TELEMETRY_SIZES:
             for rate in TELEMETRY_RATES_HZ:
-                made = telemetry_plan(octets, rate, max(times.cell_s, least / rate))
-                plan = TrainPlan(made.size, made.interval_s, made.duration_s, times.timeout_s)
+                grid_plan = telemetry_plan(octets, rate, max(times.cell_s, least / rate))
+                plan = TrainPlan(grid_plan.size, grid_plan.interval_s, grid_plan.duration_s, times.timeout_s)
                 yield RateCell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
-    if Selection.IMAGES in chosen:
+    if Selection.IMAGES in selections:
         for image in IMAGES:
             for rate in IMAGE_RATES_HZ:
                 made_of = image_plan(image, rate, max(times.image_s, _LEAST_MESSAGES / rate))

@@ -80,8 +80,8 @@ class QualifyResult:
         if run.emulated:
             yield "  emulated: these figures say nothing of a real link"
         for each in self.record.judgements:
-            measured = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
-            yield f"  {each.verdict.value:<12} {each.criterion:<38} {measured}"
+            figures = f"{_value(each.measured, each.unit):>9} {_limit(each):>12}"
+            yield f"  {each.verdict.value:<12} {each.criterion:<38} {figures}"
             if each.verdict is not Verdict.PASS and each.reason != "beyond the limit":
                 yield f"  {'':<12} {each.reason}"
         if not self.record.judgements:
@@ -101,7 +101,7 @@ class QualifyResult:
             yield from table(rows)
         for remark in run.remarks:
             yield f"  {'error: ' if self.failure is not None and remark == str(self.failure) else ''}{remark}"
-        yield f"  {_ended(run)}"
+        yield f"  {_end_line(run)}"
         yield f"  kept in {from_home(self.folder)}"
 
 
@@ -121,7 +121,7 @@ def _rate(rate: HighestRate) -> str:
     return f"highest rate of {rate.size} octets: {least}{rate.rate_hz:.3g} a second ({rate.limited_by})"
 
 
-def _ended(run: MeasuredRun) -> str:
+def _end_line(run: MeasuredRun) -> str:
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
     why = {
         EndReason.DONE: "all was measured",

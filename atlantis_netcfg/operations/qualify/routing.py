@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
@@ -75,8 +75,8 @@ def _end(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str
 
 
 def _first(reply: Reply) -> tuple[tuple[str, str], ...]:
-    found = next((row[".id"] for row in reply.checked().rows if ".id" in row and row.get("dynamic") != "true"), None)
-    return () if found is None else (("place-before", found),)
+    first_id = next((row[".id"] for row in reply.check().rows if ".id" in row and row.get("dynamic") != "true"), None)
+    return () if first_id is None else (("place-before", first_id),)
 
 
 async def first_rows(session: Session) -> tuple[Reply, Reply]:
@@ -92,11 +92,11 @@ async def counters(session: Session) -> FlowCounts:
         f"{_MANGLE}/print", ((".proplist", "in-interface,out-interface,packets,bytes"),), (f"?comment={MARK}",)
     )
     interfaces = Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),))
-    marked, ports = await session.flight([rule, interfaces])
+    rule_reply, ports = await session.flight([rule, interfaces])
     up, down = dict[str, tuple[int, int]](), dict[str, tuple[int, int]]()
-    for row in marked.checked().rows:
+    for row in rule_reply.check().rows:
         if "packets" not in row or "bytes" not in row:
-            raise DeviceFailed("the router tells no count of the rows that count the test packets")
+            raise DeviceError("the router tells no count of the rows that count the test packets")
         count = int(row["packets"]), int(row["bytes"])
         if "out-interface" in row:
             up[row["out-interface"]] = count
@@ -104,7 +104,7 @@ async def counters(session: Session) -> FlowCounts:
             down[row["in-interface"]] = count
     read = {
         row.get("default-name") or row["name"]: (int(row["rx-byte"]), int(row["tx-byte"]))
-        for row in ports.checked().rows
+        for row in ports.check().rows
         if row.get("rx-byte", "").isdecimal() and row.get("tx-byte", "").isdecimal()
     }
     return FlowCounts(up, down, read)
@@ -113,7 +113,7 @@ async def counters(session: Session) -> FlowCounts:
 async def router_words(session: Session) -> str | None:
     """What the router says that it is; None: it says nothing."""
     read = Command("/system/resource/print", ((".proplist", "version,board-name"),))
-    row = next(iter((await session.command(read)).checked().rows), {})
+    row = next(iter((await session.command(read)).check().rows), {})
     return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
 
 
@@ -126,7 +126,7 @@ def _count(link: str, port: str, before: FlowCounts, after: FlowCounts | None) -
     if after is None:
         return LinkCount(link=link)
     up, down = after.up.get(port, (None, None)), after.down.get(port, (None, None))
-    rx, tx = _risen(before, after, port)
+    rx, tx = _port_increase(before, after, port)
     return LinkCount(
         link=link,
         test_packets_up=up[0],
@@ -138,7 +138,7 @@ def _count(link: str, port: str, before: FlowCounts, after: FlowCounts | None) -
     )
 
 
-def _risen(before: FlowCounts, after: FlowCounts, port: str) -> tuple[int | None, int | None]:
+def _port_increase(before: FlowCounts, after: FlowCounts, port: str) -> tuple[int | None, int | None]:
     if port not in before.ports or port not in after.ports:
         return None, None
     rx, tx = (now - then for then, now in zip(before.ports[port], after.ports[port], strict=True))
@@ -151,56 +151,69 @@ def _not_read(counts: Sequence[LinkCount]) -> str | None:
     return f"{_NOT_READ} on {', '.join(unread)}" if unread else None
 
 
-def judge_way(link: str, counts: Sequence[LinkCount], sent: int, received: int, lost: int) -> tuple[Verdict, str]:
+def judge_way(
+    link: str, counts: Sequence[LinkCount], sent_packets: int, received_packets: int, lost_packets: int
+) -> tuple[Verdict, str]:
     """Say whether the test packets left by the link that was meant, and by no other.
 
-    `sent` and `received` are this computer's packets, `lost` how many of them may be lost on the way at most.
+    `sent_packets` and `received_packets` are this computer's packets, at most `lost_packets` of them may be lost.
     """
-    meant = next((count for count in counts if count.link == link), None)
-    if meant is None or meant.test_packets_up is None or meant.test_packets_down is None:
+    expected_link = next((count for count in counts if count.link == link), None)
+    if expected_link is None or expected_link.test_packets_up is None or expected_link.test_packets_down is None:
         return Verdict.INCONCLUSIVE, _NOT_READ
     for other in counts:
-        strayed = (other.test_packets_up or 0) + (other.test_packets_down or 0)
-        if other.link != link and strayed:
-            return Verdict.FAIL, f"{strayed} test packets went over {other.link}"
+        stray_packets = (other.test_packets_up or 0) + (other.test_packets_down or 0)
+        if other.link != link and stray_packets:
+            return Verdict.FAIL, f"{stray_packets} test packets went over {other.link}"
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
-    up, down = meant.test_packets_up, meant.test_packets_down
-    counted = f"the router counted {up} packets up and {down} down over {link}"
-    if not up and received:
-        return Verdict.FAIL, f"none of {sent} packets went over {link}, and {received} answers came by another way"
-    fits = 0 <= sent - up + FEW <= lost + 2 * FEW and received - FEW <= down <= up + FEW
-    if not sent or not fits:
-        return Verdict.INCONCLUSIVE, f"{sent} packets were sent and {received} came, and {counted}"
-    return Verdict.PASS, f"{counted}, and none over another link"
+    up, down = expected_link.test_packets_up, expected_link.test_packets_down
+    counts_text = f"the router counted {up} packets up and {down} down over {link}"
+    if not up and received_packets:
+        return (
+            Verdict.FAIL,
+            f"none of {sent_packets} packets went over {link}, and {received_packets} answers came by another way",
+        )
+    fits = 0 <= sent_packets - up + FEW <= lost_packets + 2 * FEW and received_packets - FEW <= down <= up + FEW
+    if not sent_packets or not fits:
+        return Verdict.INCONCLUSIVE, f"{sent_packets} packets were sent and {received_packets} came, and {counts_text}"
+    return Verdict.PASS, f"{counts_text}, and none over another link"
 
 
 def judge_tunnel(
-    link: str, counts: Sequence[LinkCount], sent: TunnelTraffic, received: TunnelTraffic
+    link: str, counts: Sequence[LinkCount], sent_traffic: TunnelTraffic, received_traffic: TunnelTraffic
 ) -> tuple[Verdict, str]:
     """Say whether the tunnel of this computer, and so what was in it, left by the link that was meant alone.
 
     The tunnel has packets of its own and of others besides, so at least as much must have been counted as was sent and
     has come. When it is led to the link, the server may send a few last packets by the way of before.
     """
-    meant = next((count for count in counts if count.link == link), None)
-    if meant is None or meant.test_packets_up is None or meant.test_packets_down is None:
+    expected_link = next((count for count in counts if count.link == link), None)
+    if expected_link is None or expected_link.test_packets_up is None or expected_link.test_packets_down is None:
         return Verdict.INCONCLUSIVE, _NOT_READ
     for other in counts:
         up, down = other.test_packets_up or 0, other.test_packets_down or 0
-        if other.link != link and (up or (down > FEW and received.packets)):
+        if other.link != link and (up or (down > FEW and received_traffic.packets)):
             return Verdict.FAIL, f"{up + down} packets of the tunnel went over {other.link}"
     if (silent := _not_read(counts)) is not None:
         return Verdict.INCONCLUSIVE, silent
-    up, down = meant.test_packets_up, meant.test_packets_down
-    counted = f"the router counted {up} packets of the tunnel up and {down} down over {link}"
-    if not up and received.packets:
-        return Verdict.FAIL, f"no packet of the tunnel went over {link}, and {received.packets} answers came otherwise"
-    whole = sent.fits(up, meant.test_bytes_up) and received.fits(down, meant.test_bytes_down)
-    if not sent.packets or not whole:
-        return Verdict.INCONCLUSIVE, f"{sent.packets} packets were sent and {received.packets} came, and {counted}"
-    ours = f"{sent.packets} and {received.packets} of this run among them"
-    return Verdict.PASS, f"{counted}, {ours}, and none over another link"
+    up, down = expected_link.test_packets_up, expected_link.test_packets_down
+    counts_text = f"the router counted {up} packets of the tunnel up and {down} down over {link}"
+    if not up and received_traffic.packets:
+        return (
+            Verdict.FAIL,
+            f"no packet of the tunnel went over {link}, and {received_traffic.packets} answers came otherwise",
+        )
+    whole = sent_traffic.fits(up, expected_link.test_bytes_up) and received_traffic.fits(
+        down, expected_link.test_bytes_down
+    )
+    if not sent_traffic.packets or not whole:
+        return (
+            Verdict.INCONCLUSIVE,
+            f"{sent_traffic.packets} packets were sent and {received_traffic.packets} came, and {counts_text}",
+        )
+    ours = f"{sent_traffic.packets} and {received_traffic.packets} of this run among them"
+    return Verdict.PASS, f"{counts_text}, {ours}, and none over another link"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, NothingToQualify, source_in_vpn, source_of
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned, thresholds_of
+from atlantis_netcfg.operations.qualify.plan import build_plan, thresholds_of
 from atlantis_netcfg.operations.qualify.routing import (
     MeasuredFlow,
     TunnelTraffic,
@@ -103,7 +103,7 @@ class LinkRun:
     """Of this run: new and empty."""
     far: MeasuredFarEnd
     over_vpn: bool = False
-    emulated: EmulatedLink | None = None
+    emulated_link: EmulatedLink | None = None
     notify: Subscriber = lambda _event: None
     facts: Mapping[str, str] = field(default_factory=dict)
     """What the boxes of the link have said before it begins."""
@@ -118,10 +118,10 @@ class LinkRun:
     @property
     def plan(self) -> QualifyPlan:
         """What is sent."""
-        return planned(
+        return build_plan(
             self.bearer,
             self.selection,
-            rehearsed=self.emulated is not None,
+            is_rehearsal=self.emulated_link is not None,
             over_vpn=self.over_vpn,
             confirms=self.far.is_ours,
         )
@@ -130,22 +130,26 @@ class LinkRun:
         """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
         router = router_of(self.declaration, self.site)
         with self._transport() as (transport, source, flow):
-            counted = CountedTransport(transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0)
-            guard = BudgetGuard(self._budget(), lambda: counted.now_ns() / 1e9, counted.headers)
+            counted_transport = CountedTransport(
+                transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0
+            )
+            guard = BudgetGuard(self._budget(), lambda: counted_transport.now_ns() / 1e9, counted_transport.headers)
             with (self.folder / SAMPLES_FILE).open("x", encoding="utf-8") as file:
-                peer = ReflectorPeer(self.far.key, self.clock.synchronised, self.clock.error_s, counts=self.far.is_ours)
-                measurement = Measurement(
-                    self.plan, peer, counted, guard, SampleWriter(file), self._progress(router.name)
+                peer = ReflectorPeer(
+                    self.far.key, self.clock.is_synchronised, self.clock.error_s, counts=self.far.is_ours
                 )
-                begun = self._begun(source)
-                write_run(self.folder, begun)
+                measurement = Measurement(
+                    self.plan, peer, counted_transport, guard, SampleWriter(file), self._progress(router.name)
+                )
+                initial_run = self._build_initial_run(source)
+                write_run(self.folder, initial_run)
                 try:
-                    asyncio.run(self._led(router, request, measurement, flow))
+                    asyncio.run(self._run_measurement(router, request, measurement, flow))
                 except NetcfgError as failure:
                     self._remarks.append(str(failure))
-                    write_run(self.folder, self._ended(begun, measurement, router))
+                    write_run(self.folder, self._finish_run(initial_run, measurement, router))
                     raise
-            run = self._ended(begun, measurement, router)
+            run = self._finish_run(initial_run, measurement, router)
             write_run(self.folder, run)
         return run, measurement
 
@@ -154,18 +158,18 @@ class LinkRun:
         """What sends, from which address, and what the router sees of it."""
         vpn, far, port = self.declaration.pilot.vpn, self.far.address, self.far.port
         endpoint = str(vpn.endpoint)
-        opened: AbstractContextManager[UdpTransport]
-        if self.emulated is not None:
+        connection: AbstractContextManager[UdpTransport]
+        if self.emulated_link is not None:
             near = source = str(self.declaration.sites[self.site].management.technician)
-            opened = self.emulated.transport()
+            connection = self.emulated_link.transport()
         elif self.over_vpn:
             near = source_of(self.declaration, self.site, endpoint, vpn.port)
             source = source_in_vpn(self.declaration, far, port)
-            opened = UdpTransport((far, port), source=source)
+            connection = UdpTransport((far, port), source=source)
         else:
             near = source = source_of(self.declaration, self.site, far, port)
-            opened = UdpTransport((far, port), source=source)
-        with opened as transport:
+            connection = UdpTransport((far, port), source=source)
+        with connection as transport:
             tunnel = MeasuredFlow(near, None, endpoint, vpn.port)
             yield transport, source, tunnel if self.over_vpn else MeasuredFlow(near, transport.source[1], far, port)
 
@@ -175,18 +179,20 @@ class LinkRun:
             limits.max_bytes, limits.max_seconds, limits.max_price, tariff, closing_s=self.plan.times.timeout_s
         )
 
-    async def _led(self, router: Host, request: Request, measurement: Measurement, flow: MeasuredFlow) -> None:
+    async def _run_measurement(
+        self, router: Host, request: Request, measurement: Measurement, flow: MeasuredFlow
+    ) -> None:
         """Have the rows on the router while everything is sent, and read its counts before they go."""
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
             self._before = await counters(session)
             self._router = await router_words(session)
             ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
-            added = rows(flow, self.bearer.name, ports, *await first_rows(session))
-            async with temporarily(session, added):
+            counter_rows = rows(flow, self.bearer.name, ports, *await first_rows(session))
+            async with temporarily(session, counter_rows):
                 await self._send(session, measurement)
-                if self.emulated is not None:
-                    self._remarks += self.emulated.tell(router.name, flow)
+                if self.emulated_link is not None:
+                    self._remarks += self.emulated_link.tell(router.name, flow)
                 self._after = await counters(session)
 
     async def _send(self, session: Session, measurement: Measurement) -> None:
@@ -195,7 +201,7 @@ class LinkRun:
         with _stopped_by_signals(self.stop):
             try:
                 while not (await asyncio.wait([work], timeout=_ALIVE_S))[0]:
-                    (await session.command(Command("/system/identity/print"))).checked()
+                    (await session.command(Command("/system/identity/print"))).check()
             finally:
                 if not work.done():
                     self.stop.set()
@@ -207,10 +213,10 @@ class LinkRun:
         return {port: link for port, link in ports_of(router).items() if link in bearers}
 
     def _progress(self, router: str) -> Callable[[str, int, int], None]:
-        return lambda message, done, total: self.notify(Event(router, Stage.VERIFYING, message, done, total))
+        return lambda message, step, total: self.notify(Event(router, Stage.VERIFYING, message, step, total))
 
-    def _begun(self, source: str) -> MeasuredRun:
-        name, thresholds = thresholds_of(self.bearer, rehearsed=self.emulated is not None)
+    def _build_initial_run(self, source: str) -> MeasuredRun:
+        name, thresholds = thresholds_of(self.bearer, is_rehearsal=self.emulated_link is not None)
         billing = self.bearer.billing if self.bearer.metered else None
         return MeasuredRun(
             id=self.folder.name,
@@ -218,7 +224,7 @@ class LinkRun:
             site=self.site,
             link=self.bearer.name,
             kind=self.bearer.kind.value,
-            emulated=self.emulated is not None,
+            emulated=self.emulated_link is not None,
             selection=self.selection,
             far_end=FarEnd(
                 name=self.far.name,
@@ -231,7 +237,7 @@ class LinkRun:
             begun=datetime.now(UTC),
             ended=None,
             reason=CUT_OFF,
-            clock_synchronised=self.clock.synchronised,
+            clock_synchronised=self.clock.is_synchronised,
             facts=dict(self.facts),
             budget=self.limits,
             currency=None if billing is None else billing.currency,
@@ -241,21 +247,21 @@ class LinkRun:
             time_zone=self.declaration.pilot.time_zone,
         )
 
-    def _ended(self, begun: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:
-        sent, mtu = measurement.transport, measurement.mtu
+    def _finish_run(self, initial_run: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:
+        transport, mtu = measurement.transport, measurement.mtu
         counts = () if self._before is None else link_counts(self._links(router), self._before, self._after)
-        way, why = self._judged(counts, measurement)
-        spent = measurement.guard.spent()
-        return begun.model_copy(
+        way, why = self._judge(counts, measurement)
+        charge = measurement.guard.current_bill()
+        return initial_run.model_copy(
             update={
                 "ended": datetime.now(UTC),
                 "reason": str(measurement.reason),
-                "sent_bytes": sent.sent_bytes,
-                "received_bytes": sent.received_bytes,
+                "sent_bytes": transport.sent_bytes,
+                "received_bytes": transport.received_bytes,
                 "charged_bytes": measurement.guard.charged_bytes,
-                "price": spent.price if begun.currency is not None else None,
+                "price": charge.price if initial_run.currency is not None else None,
                 "counts": counts,
-                "facts": {**begun.facts, **({} if self._router is None else {"router": self._router})},
+                "facts": {**initial_run.facts, **({} if self._router is None else {"router": self._router})},
                 "way": way,
                 "way_reason": why,
                 "path_mtu_up": mtu.up,
@@ -265,12 +271,16 @@ class LinkRun:
             }
         )
 
-    def _judged(self, counts: tuple[LinkCount, ...], measurement: Measurement) -> tuple[Verdict, str]:
-        sent = measurement.transport
+    def _judge(self, counts: tuple[LinkCount, ...], measurement: Measurement) -> tuple[Verdict, str]:
+        transport = measurement.transport
         if self.over_vpn:
-            up = TunnelTraffic(sent.sent_packets, sent.sent_bytes)
-            return judge_tunnel(self.bearer.name, counts, up, TunnelTraffic(sent.received_packets, sent.received_bytes))
-        return judge_way(self.bearer.name, counts, sent.sent_packets, sent.received_packets, measurement.lost)
+            up = TunnelTraffic(transport.sent_packets, transport.sent_bytes)
+            return judge_tunnel(
+                self.bearer.name, counts, up, TunnelTraffic(transport.received_packets, transport.received_bytes)
+            )
+        return judge_way(
+            self.bearer.name, counts, transport.sent_packets, transport.received_packets, measurement.max_lost
+        )
 
     def _notes(self) -> Iterator[str]:
         if number := self.plan.left_out:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, worst
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, worst
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.links.qualify.budget import BudgetLimit
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class NotMeasured:
+class SkippedLink:
     """A link that was asked for, and that nothing was sent over."""
 
     link: str
@@ -44,14 +44,14 @@ class SeveralResults:
     """Each link that was asked for is in one of both."""
 
     results: tuple[QualifyResult, ...]
-    not_measured: tuple[NotMeasured, ...] = ()
+    not_measured: tuple[SkippedLink, ...] = ()
 
     @property
     def exit(self) -> ExitCode:
         """The worst of all; a link over which nothing was sent is green for no other one."""
         codes = [each.exit for each in self.results]
         code = worst(codes)
-        return code.unproved if self.not_measured or ExitCode.NOTHING in codes else code
+        return code.unproven_code if self.not_measured or ExitCode.NOTHING in codes else code
 
 
 def measure_each(
@@ -59,24 +59,24 @@ def measure_each(
 ) -> SeveralResults:
     """Measure all. `measure` is given what is left of the limits; what it raises ends all."""
     results: list[QualifyResult] = []
-    not_measured: list[NotMeasured] = []
+    not_measured: list[SkippedLink] = []
     over = ""
     for bearer in links:
         why = over or _unpaid(bearer, results, limits)
         if why:
-            not_measured.append(NotMeasured(bearer.name, why))
+            not_measured.append(SkippedLink(bearer.name, why))
             continue
-        found = measure(bearer, limits)
-        results.append(found)
-        over = _ends_all(found, limits)
-        limits = left(limits, found)
+        result = measure(bearer, limits)
+        results.append(result)
+        over = _ends_all(result, limits)
+        limits = remaining_limits(limits, result)
     return SeveralResults(tuple(results), tuple(not_measured))
 
 
-def _ends_all(found: QualifyResult, limits: BudgetLimits) -> str:
+def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
     """Why no further link is measured; empty: it is."""
-    run = found.run
-    if found.failure is not None and not isinstance(found.failure, DeviceFailed):
+    run = result.run
+    if result.failure is not None and not isinstance(result.failure, DeviceError):
         return f"{run.link} was left in a state that nobody knows"
     if run.reason == EndReason.STOPPED:
         return "the measurement was stopped"
@@ -88,16 +88,20 @@ def _ends_all(found: QualifyResult, limits: BudgetLimits) -> str:
 
 def _unpaid(bearer: Bearer, results: Sequence[QualifyResult], limits: BudgetLimits) -> str:
     """A limit in money is one of the links that are paid by the byte, and no other's."""
-    spent = any(found.run.reason == BudgetLimit.MONEY for found in results)
-    return "the limit of money was used up before" if bearer.metered and spent and limits.max_price is not None else ""
+    is_exhausted = any(result.run.reason == BudgetLimit.MONEY for result in results)
+    return (
+        "the limit of money was used up before"
+        if bearer.metered and is_exhausted and limits.max_price is not None
+        else ""
+    )
 
 
-def left(limits: BudgetLimits, found: QualifyResult) -> BudgetLimits:
+def remaining_limits(limits: BudgetLimits, result: QualifyResult) -> BudgetLimits:
     """What a measured link leaves of the limits; nothing left is the least that can be.
 
     What was charged counts, with answers that have not come.
     """
-    run = found.run
+    run = result.run
     seconds = 0.0 if run.ended is None else (run.ended - run.begun).total_seconds()
     price = bill(run.charged_bytes, seconds, run.tariff if run.currency is not None else None).price or Decimal(0)
     return BudgetLimits(

@@ -13,13 +13,13 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError, complete
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError, complete
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import InventoryInvalid
 from atlantis_netcfg.inventory.loader import shown_path
 from atlantis_netcfg.inventory.model import ControlCentre, Guest, ServerComputer
-from atlantis_netcfg.inventory.new_inventory.yaml_text import Vaulted, document
+from atlantis_netcfg.inventory.new_inventory.yaml_text import VaultSecret, document
 from atlantis_netcfg.inventory.robots.reading import (
     FOLDER,
     NO_ROBOT_CONTACTED,
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import Dds, Vehicle
     from atlantis_netcfg.inventory.robots.key_names import KeyNames
     from atlantis_netcfg.inventory.robots.reading import RobotSource
-    from atlantis_netcfg.robots.observation import Observation
+    from atlantis_netcfg.robots.observation import RobotObservation
     from atlantis_netcfg.robots.replay import Bag
 
 LOOPBACK: Final = "127.0.0.1"
@@ -72,14 +72,14 @@ def robots_of(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
     """Every robot of the inventory. Raises InventoryInvalid, and NothingMatched where there is none."""
     sources, names = load_robots(declaration)
     if not sources:
-        raise NothingMatched("no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how")
+        raise NoMatchError("no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how")
     return sources, names
 
 
-def without_file(vehicle: str) -> NothingMatched:
+def without_file(vehicle: str) -> NoMatchError:
     """Why nothing is known of what a vehicle publishes."""
     hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
-    return NothingMatched(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+    return NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
 
 
 def dds_of(declaration: Declaration) -> Dds:
@@ -113,7 +113,7 @@ def listening_address(declaration: Declaration, site: str, address: str | None) 
     """The named address, else the one that leads to the site; what is real leaves this computer. Raises UsageError."""
     if address is not None and _ip_address(address).is_loopback:
         return address
-    refuse_examples(declaration, rehearsed=False)
+    refuse_examples(declaration, is_rehearsal=False)
     return address or own_address(declaration, site)
 
 
@@ -138,12 +138,12 @@ def peers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
 
 def expected_at(declaration: Declaration, site: str) -> list[str]:
     """The vehicles that are tested at a site; guests until their last day."""
-    named, past = declaration.sites[site].checklist.vehicles, past_guests(declaration)
+    vehicle_names, past = declaration.sites[site].checklist.vehicles, past_guests(declaration)
 
     def is_tested(key: str, vehicle: Vehicle) -> bool:
         if isinstance(vehicle, Guest):
             return site in vehicle.tested_at and key not in past
-        return named is None or key in named
+        return vehicle_names is None or key in vehicle_names
 
     return [key for key, vehicle in declaration.vehicles.items() if is_tested(key, vehicle)]
 
@@ -155,7 +155,7 @@ def recorder(declaration: Declaration, folder: str) -> BagRecorder:
 
 def discover(
     declaration: Declaration, site: str, seconds: float, address: str | None, record: BagRecorder | None = None
-) -> tuple[Observation, list[RobotReport]]:
+) -> tuple[RobotObservation, list[RobotReport]]:
     """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
     _, names = robots_of(declaration)
     dds = dds_of(declaration)
@@ -170,24 +170,26 @@ def discover(
     return observation, compare(declaration, site, observation)
 
 
-def compare(declaration: Declaration, site: str, observation: Observation) -> list[RobotReport]:
+def compare(declaration: Declaration, site: str, observation: RobotObservation) -> list[RobotReport]:
     """Compare what was heard for a site, wherever, with the robots' files. Raises as `robots_of`."""
     sources, names = robots_of(declaration)
-    expected = expected_at(declaration, site)
+    expected_vehicles = expected_at(declaration, site)
     reports = [
         replace(
             report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in report.findings)
         )
-        for report in judge(observation, sources, expected, names, past_guests(declaration))
+        for report in judge(observation, sources, expected_vehicles, names, past_guests(declaration))
     ]
-    for vehicle in sorted({*expected} - {source.vehicle for source in sources}):
+    for vehicle in sorted({*expected_vehicles} - {source.vehicle for source in sources}):
         error = without_file(vehicle)
         finding = BearerFinding(Verdict.INCONCLUSIVE, "file-missing", str(error), error.hint)
         reports.append(RobotReport(vehicle, RobotState.MISSING, vehicle, (finding,)))
     return reports
 
 
-def save(declaration: Declaration, namespace: str, observation: Observation, encrypt: Callable[[str], str]) -> Path:
+def save(
+    declaration: Declaration, namespace: str, observation: RobotObservation, encrypt: Callable[[str], str]
+) -> Path:
     """Write the file of a robot that was heard and whose vehicle a person has declared; its token is encrypted.
 
     Raises NothingMatched, UsageError, InventoryInvalid: then nothing is written.
@@ -198,12 +200,12 @@ def save(declaration: Declaration, namespace: str, observation: Observation, enc
     if len(robots) != 1:
         message = f"{len(robots)} robots of the namespace `{namespace}` were heard, so no file was written"
         others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
-        raise NothingMatched(message, hint=f"readable configurations that were heard are of: {others}")
+        raise NoMatchError(message, hint=f"readable configurations that were heard are of: {others}")
     vehicle = vehicle_key(namespace)
     path = declaration.root / FOLDER / f"{vehicle}.yml"
     if vehicle not in declaration.vehicles:
         hint = "declare it first: the finding `robot-unknown` shows the command"
-        raise NothingMatched(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
+        raise NoMatchError(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
     if path.exists():
         raise UsageError(
             f"{shown_path(path)} is there already", hint="leave `save=` out: it is compared with that file"
@@ -211,7 +213,7 @@ def save(declaration: Declaration, namespace: str, observation: Observation, enc
     token = robots[0].token
     assert isinstance(token, Secret)  # noqa: S101 - what is published is in clear
     tree = robots[0].model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude={"token"})
-    text = document({**tree, "token": Vaulted(encrypt(token.reveal()))}, (_HEAD.format(namespace=namespace),))
+    text = document({**tree, "token": VaultSecret(encrypt(token.reveal()))}, (_HEAD.format(namespace=namespace),))
     with os_errors_as("the robot's file", path):
         write_atomically(path, text.encode(), mode=_READABLE)
     try:
@@ -222,7 +224,7 @@ def save(declaration: Declaration, namespace: str, observation: Observation, enc
     return path
 
 
-async def hear(declaration: Declaration, site: str, seconds: float) -> Observation:
+async def hear(declaration: Declaration, site: str, seconds: float) -> RobotObservation:
     """Listen at a site, and let others work meanwhile. Raises UsageError."""
     names, _ = key_names(declaration)
     dds = dds_of(declaration)
@@ -232,15 +234,15 @@ async def hear(declaration: Declaration, site: str, seconds: float) -> Observati
         return await RobotListener(number, types, names.configuration_topic, local).listen_beside_others(seconds)
 
 
-def ending(reports: Sequence[RobotReport], observation: Observation) -> ExitCode:
+def ending(reports: Sequence[RobotReport], observation: RobotObservation) -> ExitCode:
     """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
-    known = [report for report in reports if report.state is RobotState.DECLARED]
-    if not observation.participants or not known:
+    declared_reports = [report for report in reports if report.state is RobotState.DECLARED]
+    if not observation.participants or not declared_reports:
         return ExitCode.CHECKS_FAILED
-    passed = all(
+    is_success = all(
         report.state is not RobotState.UNKNOWN and report.verdict in {Verdict.PASS, Verdict.WARN} for report in reports
     )
-    return ExitCode.DONE if passed else ExitCode.CHECKS_FAILED
+    return ExitCode.DONE if is_success else ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,11 +277,11 @@ def mock(
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
     types = MessageTypes(declaration.root / FOLDER / INTERFACES)
-    chosen = {each.vehicle: each for each in sources if not vehicles or each.vehicle in vehicles}
+    selected_sources = {each.vehicle: each for each in sources if not vehicles or each.vehicle in vehicles}
     for vehicle in vehicles:
-        if vehicle not in chosen:
+        if vehicle not in selected_sources:
             raise without_file(vehicle)
-    robots = [(each.robot, each.text()) for each in chosen.values() if each.robot]
+    robots = [(each.robot, each.text()) for each in selected_sources.values() if each.robot]
     participants = max(len(robots) + _LISTENERS, dds.participants)
     with domain(dds.domain, profile(place.address, place.peers, participants)) as number:
         mocks = [

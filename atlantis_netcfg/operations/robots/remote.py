@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from typing import Any
 
-    from atlantis_netcfg.core.processes.remote_process import ProcessEnded
+    from atlantis_netcfg.core.processes.remote_process import ProcessResult
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Dds
-    from atlantis_netcfg.robots.observation import Observation
+    from atlantis_netcfg.robots.observation import RobotObservation
 
 VENV: Final = "/opt/atlantis-dds"
 """Where cyclonedds is looked for besides the system's own Python."""
@@ -41,7 +41,7 @@ _LARGEST: Final = 32_000_000
 _NOT_FOUND: Final = 127
 
 
-class ListeningFailed(NetcfgError):
+class ListenError(NetcfgError):
     """Another computer did not listen to its end, so that nothing is known of any robot."""
 
     exit = ExitCode.CHECKS_FAILED
@@ -62,18 +62,18 @@ def listen_there(
     *,
     sites: Sequence[str] | None = None,
     request: Request | None = None,
-) -> Observation:
+) -> RobotObservation:
     """Listen at `host` for the robots of `sites`; left out: of its own, and for a control centre of all.
 
     Raises ListeningFailed, and UsageError for a computer that uses no DDS or has an address of an example.
     """
     dds, request = dds_of(declaration), request or Request()
     device = listening_computer(declaration, host)
-    refuse_examples(declaration, rehearsed=request.rehearsed)
+    refuse_examples(declaration, is_rehearsal=request.rehearsed)
     if sites is None:
         sites = list(declaration.sites) if isinstance(device, ControlCentre) else [host.site]
     names, _ = key_names(declaration)
-    requested = {
+    settings = {
         "domain": dds.domain,
         "address": dds.address_of(device),
         "profile": profile(dds.address_of(device), peers_of(declaration, sites), dds.participants),
@@ -83,18 +83,18 @@ def listen_there(
     }
     access = computer_access(declaration, host, request)
     command = [*ssh_command(access)[:-1], "-C", ssh_command(access)[-1], _command(dds)]
-    carrier = Carrier(_program(requested), limit_s=seconds + _EXTRA_S)
+    carrier = Carrier(_program(settings), limit_s=seconds + _EXTRA_S)
     try:
-        ended = carrier.run(command)
+        result = carrier.run(command)
     except OSError as error:
-        raise ListeningFailed(f"{host.name} was not asked: {error}", hint="install OpenSSH's client") from None
-    return _observation(host, access, ended)
+        raise ListenError(f"{host.name} was not asked: {error}", hint="install OpenSSH's client") from None
+    return _observation(host, access, result)
 
 
-def _program(requested: Mapping[str, Any]) -> bytes:
+def _program(settings: Mapping[str, Any]) -> bytes:
     """The listener with what it is asked, as one piece."""
     source = (resources.files("atlantis_netcfg.robots") / "listener.py").read_text(encoding="utf-8")
-    words = json.dumps(requested, separators=(",", ":"))
+    words = json.dumps(settings, separators=(",", ":"))
     return zlib.compress(f"{source}\n\nmain(json.loads({words!r}))\n".encode(), 9)
 
 
@@ -109,40 +109,40 @@ def _command(dds: Dds) -> str:
     )
 
 
-def _observation(host: Host, access: Mapping[str, Any], ended: ProcessEnded) -> Observation:
+def _observation(host: Host, access: Mapping[str, Any], result: ProcessResult) -> RobotObservation:
     """What the program has heard. Raises ListeningFailed."""
-    for line in reversed(ended.out.splitlines()):
+    for line in reversed(result.out.splitlines()):
         try:
             answer = json.loads(line)
             if "trouble" in answer:
                 raise _trouble(host, str(answer["trouble"]), str(answer["words"]))
-            unpacked = zlib.decompressobj().decompress(b64decode(answer["heard"]), _LARGEST)
-            return read_heard(json.loads(unpacked))
+            data = zlib.decompressobj().decompress(b64decode(answer["heard"]), _LARGEST)
+            return read_heard(json.loads(data))
         except (ValueError, LookupError, TypeError, RecursionError, zlib.error):
             continue
-    text = ended.err.decode(errors="replace").strip()
-    last = text.rpartition("\n")[2] or f"exit {ended.rc}"
+    text = result.err.decode(errors="replace").strip()
+    last = text.rpartition("\n")[2] or f"exit {result.rc}"
     if (trouble := key_trouble(host.name, text)) is not None:
-        raise ListeningFailed(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
+        raise ListenError(f"{host.name} at {access['host']}: {trouble[0]}", hint=trouble[1])
     if "Permission denied" in text:
         hint = f"bring your key there: `ssh-copy-id -p {access['port']} {access['user']}@{access['host']}`"
-        raise ListeningFailed(f"{host.name} does not let you in as {access['user']}: {last}", hint=hint)
-    if ended.rc == _NOT_FOUND:
-        raise ListeningFailed(f"{host.name} has no python3: {last}", hint=f"on {host.name}: `apt-get install python3`")
-    if b"alive" in ended.out:
+        raise ListenError(f"{host.name} does not let you in as {access['user']}: {last}", hint=hint)
+    if result.rc == _NOT_FOUND:
+        raise ListenError(f"{host.name} has no python3: {last}", hint=f"on {host.name}: `apt-get install python3`")
+    if b"alive" in result.out:
         message = f"the connection to {host.name} ended before it had listened to the end: {last}"
-        raise ListeningFailed(message, hint="nothing is known of any robot: type the same again")
-    words = "it did not answer in time" if ended.overdue else last
+        raise ListenError(message, hint="nothing is known of any robot: type the same again")
+    words = "it did not answer in time" if result.overdue else last
     hint = "look at its power and at your way to it, then type the same again"
-    raise ListeningFailed(f"{host.name} was not reached: {words}", hint=hint)
+    raise ListenError(f"{host.name} was not reached: {words}", hint=hint)
 
 
-def _trouble(host: Host, trouble: str, words: str) -> ListeningFailed:
+def _trouble(host: Host, trouble: str, words: str) -> ListenError:
     if trouble == "missing":
         hint = (
             "a run of its site brings ROS 2 where that is declared (docs/gateway.md); else, on x86_64, on it: "
             f"`python3 -m venv {VENV} && {VENV}/bin/pip install cyclonedds`"
         )
-        return ListeningFailed(f"{host.name} can hear no robots: it has neither cyclonedds nor ROS 2", hint=hint)
+        return ListenError(f"{host.name} can hear no robots: it has neither cyclonedds nor ROS 2", hint=hint)
     hint = f"has {host.name} its address of `dds`? on it: `ip address`"
-    return ListeningFailed(f"{host.name} could not listen: {words[:300]}", hint=hint)
+    return ListenError(f"{host.name} could not listen: {words[:300]}", hint=hint)

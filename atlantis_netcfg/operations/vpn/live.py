@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.operations.computers.remote_session import RecordOlder, ServerLink, ServerRefused
+from atlantis_netcfg.operations.computers.remote_session import RecordOlder, ServerLink, ServerRefusal
 from atlantis_netcfg.operations.vpn.server_state import (
     PLACE,
     Crl,
@@ -20,8 +20,8 @@ from atlantis_netcfg.operations.vpn.server_state import (
     VpnSession,
     drift,
     observe,
+    read_answer,
     sessions_of,
-    understood,
 )
 from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Crl",
-    "Pushed",
+    "PushResult",
     "RecordOlder",
     "RevocationEvidence",
     "ServerState",
@@ -59,18 +59,18 @@ _TRIES: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Pushed:
+class PushResult:
     """What a push has changed on the server."""
 
     changes: tuple[str, ...]
     """In the words of a run of the role."""
-    ended: tuple[VpnSession, ...] = ()
+    ended_sessions: tuple[VpnSession, ...] = ()
     """Sessions of those who are admitted no longer."""
     notes: tuple[str, ...] = ()
     """What was not done."""
 
     @property
-    def changed(self) -> bool:
+    def has_changed(self) -> bool:
         """Whether anything was."""
         return bool(self.changes)
 
@@ -102,7 +102,7 @@ class RevocationEvidence:
     """Of each session in `ended`: what the server answered."""
 
     @property
-    def confirmed(self) -> bool:
+    def is_confirmed(self) -> bool:
         """Whether they are dead for certain."""
         return self.out and self.dead
 
@@ -112,7 +112,7 @@ class RevocationEvidence:
         return {
             **values,
             "told": self.notes,
-            "confirmed": self.confirmed,
+            "confirmed": self.is_confirmed,
             "ended": [session.as_json() for session in self.ended],
         }
 
@@ -127,11 +127,11 @@ def desired_files(
 
 def check_record(authority: Authority, state: ServerState) -> None:
     """Raise RecordOlder where the server's list of revoked certificates has what the record does not know."""
-    if state.crl is not None and state.crl.signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
+    if state.crl is not None and state.crl.is_signed and (why := authority.beyond(state.crl.pem.encode())) is not None:
         raise RecordOlder(why)
 
 
-def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pushed:
+def push(declaration: Declaration, authority: Authority, link: ServerLink) -> PushResult:
     """Bring the live files to the server and load its firewall; sessions of others go on.
 
     What it has already is not sent. Raises ServerAway, AnswerLost, ServerRefused.
@@ -139,14 +139,14 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
     files = desired_files(declaration, authority)
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
-        values = link.ask("push", place=dict(PLACE), files=[_sent(file, lacks) for file in files], only=[CCD])
-        with understood("push"):
+        values = link.ask("push", place=dict(PLACE), files=[_build_file_row(file, lacks) for file in files], only=[CCD])
+        with read_answer("push"):
             missing = tuple(map(str, values["lacks"]))
             if not missing:
-                ended = sessions_of({"sessions": values["ended"]})
-                return Pushed(tuple(map(str, values["changes"])), ended, tuple(map(str, values["told"])))
+                ended_sessions = sessions_of({"sessions": values["ended"]})
+                return PushResult(tuple(map(str, values["changes"])), ended_sessions, tuple(map(str, values["told"])))
         lacks = [*lacks, *missing]
-    raise ServerRefused(
+    raise ServerRefusal(
         f"files of the server change while this runs: {', '.join(missing)}",
         hint="somebody else is at work there; type the same again",
     )
@@ -174,7 +174,7 @@ def revoke_live(
     )
     seconds = time.monotonic() - began
     hashes = {file.path: _sha256(file) for file in files}
-    with understood("revoke"):
+    with read_answer("revoke"):
         return RevocationEvidence(
             names,
             addresses,
@@ -196,9 +196,9 @@ def verify(link: ServerLink, evidence: RevocationEvidence) -> RevocationEvidence
         addresses=list(evidence.addresses),
         files=dict(evidence.files),
     )
-    with understood("verify"):
-        out, dead, left, notes = _words(values)
-    return replace(evidence, out=out, dead=dead, left=left, notes=notes, looks=evidence.looks + 1)
+    with read_answer("verify"):
+        out, dead, problems, notes = _words(values)
+    return replace(evidence, out=out, dead=dead, left=problems, notes=notes, looks=evidence.looks + 1)
 
 
 def _words(values: Mapping[str, Any]) -> tuple[bool, bool, tuple[str, ...], tuple[str, ...]]:
@@ -215,33 +215,35 @@ def finish_revocations(
     declaration: Declaration, authority: Authority, link: ServerLink, who: str = ""
 ) -> RevocationEvidence | None:
     """Disconnect queued members, and settle those that the server confirms. None: the queue is empty."""
-    queued = authority.membership().queued
-    if not queued:
+    queue = authority.membership().queued_names
+    if not queue:
         return None
-    evidence = revoke_live(declaration, authority, link, queued)
-    if evidence.confirmed:
-        authority.settled(queued, who)
+    evidence = revoke_live(declaration, authority, link, queue)
+    if evidence.is_confirmed:
+        authority.confirm_revocations(queue, who)
     return evidence
 
 
 def sessions(link: ServerLink) -> tuple[VpnSession, ...]:
     """Who is connected now; where the server cannot be asked, who was when it wrote its status file last."""
     values = link.ask("sessions", place=dict(PLACE))
-    with understood("sessions"):
+    with read_answer("sessions"):
         return sessions_of(values)
 
 
 def note_seen(
     declaration: Declaration, authority: Authority, link: ServerLink, state: ServerState, who: str = ""
-) -> tuple[SessionObservation, Pushed | None]:
+) -> tuple[SessionObservation, PushResult | None]:
     """Record who was seen; where a successor was, its predecessor is admitted no longer: that is pushed."""
     now = datetime.now(UTC)
-    seen = {name: min(at, now) for name, at in state.seen.items()}
+    time_by_name = {name: min(at, now) for name, at in state.last_sessions.items()}
     for session in state.sessions:
         if session.is_up:
-            seen[session.common_name] = max(seen.get(session.common_name, session.since), min(state.at, now))
-    sighting = authority.seen(seen, who)
-    return sighting, push(declaration, authority, link) if sighting.superseded else None
+            time_by_name[session.common_name] = max(
+                time_by_name.get(session.common_name, session.since), min(state.at, now)
+            )
+    sighting = authority.record_sessions(time_by_name, who)
+    return sighting, push(declaration, authority, link) if sighting.superseded_names else None
 
 
 def _addresses(membership: MembershipList, common_names: Collection[str]) -> tuple[str, ...]:
@@ -253,7 +255,7 @@ def _addresses(membership: MembershipList, common_names: Collection[str]) -> tup
     )
 
 
-def _sent(file: File, lacks: Collection[str]) -> dict[str, Any]:
+def _build_file_row(file: File, lacks: Collection[str]) -> dict[str, Any]:
     return _row(file) | ({"content": file.content} if file.path in lacks else {"sha256": _sha256(file)})
 
 

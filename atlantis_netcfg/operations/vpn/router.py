@@ -20,7 +20,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, NothingMatched, UsageError, complete
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, complete
 from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.costs import gate
@@ -32,12 +32,12 @@ from atlantis_netcfg.runs import (
     NoJournal,
     Outcome,
     Purpose,
-    RunEnded,
-    RunStarted,
+    RunEnd,
+    RunStart,
     StatesOnly,
     Store,
     conclude,
-    unrecorded,
+    mark_unrecorded,
 )
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
@@ -112,20 +112,20 @@ def install(  # noqa: PLR0913 - all that a command line says
     Raises NothingMatched, UsageError and CostRefused before the router is contacted, SiteBusy before it is changed.
     What fails after that is told in the result: `RouterTooOld` and other refusals leave the router as it was.
     """
-    importing, job = _prepared(declaration, host, identity, request, notify)
+    importing, job = _prepare(declaration, host, identity, request, notify)
     try:
-        seen = asyncio.run(importing.look())
+        observation = asyncio.run(importing.look())
     except NetcfgError as failure:
-        return _failed(importing, failure)
-    if not seen.changes:
-        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=seen.notes)
+        return _failure_result(importing, failure)
+    if not observation.changes:
+        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=observation.notes)
     if plan:
-        message = f"{len(seen.changes)} changes to make"
+        message = f"{len(observation.changes)} changes to make"
         return InstalledIdentity(
-            host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=seen.changes, notes=seen.notes
+            host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=observation.changes, notes=observation.notes
         )
-    store = Store(request.state, rehearsed=request.rehearsed)
-    started = RunStarted(
+    store = Store(request.state, is_rehearsal=request.rehearsed)
+    start_record = RunStart(
         site=host.site,
         revision=declaration.revision,
         tool=__version__,
@@ -134,26 +134,26 @@ def install(  # noqa: PLR0913 - all that a command line says
         command=request.command,
         purpose=Purpose.INSTALL,
     )
-    with store.lock(host.site, request.command), store.start(started) as journal:
-        result = _journalled(importing, replace(job, journal=StatesOnly(journal)), journal)
+    with store.lock(host.site, request.command), store.start(start_record) as journal:
+        result = _run_with_journal(importing, replace(job, journal=StatesOnly(journal)), journal)
         outcome = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        return unrecorded(result, conclude(journal, outcome, RunEnded(exit=int(result.exit))))
+        return mark_unrecorded(result, conclude(journal, outcome, RunEnd(exit=int(result.exit))))
 
 
 def _require_router(host: Host) -> None:
     if not isinstance(host.device, Router):
         kind = host.device.kind.replace("_", " ")
-        raise NothingMatched(
+        raise NoMatchError(
             f"{host.name} is a {kind}: an identity is installed on routers alone",
             hint=f"gateways get theirs from `provision site={host.site}`",
         )
 
 
-def _prepared(
+def _prepare(
     declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
 ) -> tuple[RouterImport, DeviceJob]:
     _require_router(host)
-    tunnel = routeros.declared(declaration, host)
+    tunnel = routeros.find_tunnel(declaration, host)
     if tunnel is None:
         raise UsageError(
             f"{host.name} is not its site's end of the VPN",
@@ -164,7 +164,7 @@ def _prepared(
             f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
             hint=f"`provision vpn renew name={host.name}` where the authority is, and here what it hands out",
         )
-    refuse_examples(declaration, rehearsed=request.rehearsed)
+    refuse_examples(declaration, is_rehearsal=request.rehearsed)
     gate(declaration, [host], request)
     job = device_job(declaration, host, request, NoJournal(), notify)
     importing = RouterImport(
@@ -174,33 +174,33 @@ def _prepared(
         tunnel=tunnel,
         identity=identity,
         profile=routeros.profile(declaration, identity),
-        rehearsed=request.rehearsed,
+        is_rehearsal=request.rehearsed,
         notify=notify,
     )
     return importing, job
 
 
-def _journalled(importing: RouterImport, job: DeviceJob, journal: Journal) -> InstalledIdentity:
+def _run_with_journal(importing: RouterImport, job: DeviceJob, journal: Journal) -> InstalledIdentity:
     try:
         changes, notes = asyncio.run(_run(importing, job))
     except NetcfgError as failure:
-        return replace(_failed(importing, failure), run=journal.run)
+        return replace(_failure_result(importing, failure), run=journal.run)
     message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
-    notes = (*notes, *_unverified(importing.identity))
+    notes = (*notes, *_key_notes(importing.identity))
     return InstalledIdentity(
         importing.name, Status.CHANGED, ExitCode.DONE, message, changes=changes, notes=notes, run=journal.run
     )
 
 
 async def _run(importing: RouterImport, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    saved = await converge(job, mode=JobMode.BACKUP)
-    if saved.exit is not ExitCode.DONE:
-        raise DeviceFailed(f"its state could not be saved, so nothing was sent: {saved.message}", hint=saved.hint)
-    seen = await importing.carry_out()
-    return seen.changes, seen.notes
+    backup = await converge(job, mode=JobMode.BACKUP)
+    if backup.exit is not ExitCode.DONE:
+        raise DeviceError(f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint)
+    observation = await importing.carry_out()
+    return observation.changes, observation.notes
 
 
-def _unverified(identity: Identity) -> tuple[str, ...]:
+def _key_notes(identity: Identity) -> tuple[str, ...]:
     if identity.certificate.key is KeyType.RSA:
         return ()
     name = identity.member.name
@@ -209,7 +209,7 @@ def _unverified(identity: Identity) -> tuple[str, ...]:
     )
 
 
-def _failed(importing: RouterImport, failure: NetcfgError) -> InstalledIdentity:
+def _failure_result(importing: RouterImport, failure: NetcfgError) -> InstalledIdentity:
     status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
     hint = failure.hint and complete(failure.hint, site=importing.site, device=importing.name)
     return InstalledIdentity(importing.name, status, failure.exit, str(failure), hint)

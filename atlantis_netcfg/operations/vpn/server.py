@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, complete
 from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.operations.computers._access import computer_access
-from atlantis_netcfg.operations.computers.remote_session import ServerAway, ServerLink, ServerRefused, SshLink
+from atlantis_netcfg.operations.computers.remote_session import ServerAway, ServerLink, ServerRefusal, SshLink
 from atlantis_netcfg.operations.vpn import live
 
 if TYPE_CHECKING:
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Deployed:
+class DeployResult:
     """The state of the server after a command."""
 
     lines: tuple[str, ...] = ()
     errors: tuple[NetcfgError, ...] = ()
     values: Mapping[str, Any] = field(default_factory=dict)
-    deployed: bool = True
+    is_deployed: bool = True
     """Whether the server was seen to be as recorded."""
 
     @property
@@ -54,7 +54,7 @@ class Deployed:
 
     def as_json(self) -> dict[str, Any]:
         """For programs."""
-        return {"deployed": self.deployed, **self.values}
+        return {"deployed": self.is_deployed, **self.values}
 
 
 class Server(Protocol):
@@ -63,13 +63,13 @@ class Server(Protocol):
     def hold(self, authority: Authority, notify: Subscriber) -> None:
         """Before anything is signed or sent: raise RecordOlder where the server has what the record does not know."""
 
-    def published(self, notify: Subscriber) -> bytes:
+    def get_crl(self, notify: Subscriber) -> bytes:
         """The list of revoked certificates that it has, PEM."""
 
-    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:
+    def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:
         """Bring it to what is recorded."""
 
-    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:
         """The same, and see that those who were revoked are dead."""
 
 
@@ -79,27 +79,27 @@ class NoPush:
     def hold(self, authority: Authority, notify: Subscriber) -> None:
         """Nobody can tell; what is sent later is held against the server then."""
 
-    def published(self, notify: Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
+    def get_crl(self, notify: Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
         """Nobody is asked. Raises UsageError."""
         raise UsageError("the server's list cannot be had without asking it")
 
-    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as Server has it
+    def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - as Server has it
         """Say what is left to do."""
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
-        return Deployed((line,), deployed=False)
+        return DeployResult((line,), is_deployed=False)
 
-    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:  # noqa: ARG002 - as above
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - as above
         """Tell that whoever is connected stays so: nobody may take this for done."""
         waits = OutcomeUnknown(
-            f"{', '.join(revoked.members)}: on the list, and the server does not have it (`--no-push`): "
+            f"{', '.join(revocation.members)}: on the list, and the server does not have it (`--no-push`): "
             "whoever is connected stays so",
-            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.membership().queued)}",
+            hint=f"`provision vpn sync` cuts them off: {', '.join(authority.membership().queued_names)}",
         )
-        return Deployed(errors=(waits,), deployed=False)
+        return DeployResult(errors=(waits,), is_deployed=False)
 
 
 Opener = Callable[[], "ServerLink"]
-_RECORDED = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
+_SYNC_HINT = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
 
 
 def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") -> Opener:
@@ -117,7 +117,7 @@ def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") ->
 
 
 @dataclass(frozen=True, slots=True)
-class Connected:
+class RemoteServer:
     """The declared server."""
 
     declaration: Declaration
@@ -144,15 +144,15 @@ class Connected:
         else:
             live.check_record(authority, state)
 
-    def published(self, notify: Subscriber = ignore) -> bytes:
+    def get_crl(self, notify: Subscriber = ignore) -> bytes:
         """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
         with self.link(notify) as link:
             crl = live.observe(link).crl
-        if crl is None or not crl.signed:
-            raise ServerRefused("the server has no list of its own authority", hint="there is nothing to take over")
+        if crl is None or not crl.is_signed:
+            raise ServerRefusal("the server has no list of its own authority", hint="there is nothing to take over")
         return crl.pem.encode()
 
-    def deploy(self, authority: Authority, notify: Subscriber = ignore) -> Deployed:
+    def deploy(self, authority: Authority, notify: Subscriber = ignore) -> DeployResult:
         """Bring it to what is recorded, and see who was there."""
         if self._away:
             return self._outstanding(self._away[0])
@@ -160,57 +160,60 @@ class Connected:
             with self.link(notify) as link:
                 queue = live.finish_revocations(self.declaration, authority, link, self.who)
                 self._say(notify, "members, list and firewall", Stage.APPLYING)
-                pushed = live.push(self.declaration, authority, link)
+                push_result = live.push(self.declaration, authority, link)
                 self._say(notify, "who is connected", Stage.VERIFYING)
-                more = self._seen(authority, link)
+                more = self._record_sessions(authority, link)
         except NetcfgError as error:
             return self._outstanding(error)
-        changes = [*pushed.changes, *more]
+        changes = [*push_result.changes, *more]
         values: dict[str, Any] = {"changes": changes, "queue": queue.as_json() if queue is not None else None}
         lines = [f"  on the server: {change}" for change in changes] or ["  the server was so already"]
-        return Deployed(
-            tuple(self._evidence_lines(queue) + lines + [f"  {item}" for item in pushed.notes]),
-            self._left(queue),
+        return DeployResult(
+            tuple(self._evidence_lines(queue) + lines + [f"  {item}" for item in push_result.notes]),
+            self._remaining_errors(queue),
             values,
         )
 
-    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber = ignore) -> Deployed:
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber = ignore) -> DeployResult:
         """End their sessions at once, and look; then all the rest that is recorded."""
-        names = tuple(dict.fromkeys([*revoked.common_names, *authority.membership().queued]))
+        names = tuple(dict.fromkeys([*revocation.common_names, *authority.membership().queued_names]))
         if self._away:
-            return self._outstanding(self._away[0], cut=revoked.members)
+            return self._outstanding(self._away[0], cut=revocation.members)
         try:
             with self.link(notify) as link:
-                self._say(notify, f"ending sessions of {', '.join(revoked.members)}", Stage.APPLYING)
+                self._say(notify, f"ending sessions of {', '.join(revocation.members)}", Stage.APPLYING)
                 evidence = live.revoke_live(self.declaration, authority, link, names)
                 cut = time.monotonic()
-                pushed = live.push(self.declaration, authority, link)
+                push_result = live.push(self.declaration, authority, link)
                 self._say(notify, "looking once more", Stage.VERIFYING)
                 time.sleep(max(0.0, self.second_look_s - (time.monotonic() - cut)))
                 evidence = live.verify(link, evidence)
-                if evidence.confirmed:
-                    authority.settled(names, self.who)
+                if evidence.is_confirmed:
+                    authority.confirm_revocations(names, self.who)
         except NetcfgError as error:
-            return self._outstanding(error, cut=revoked.members)
-        values = {"evidence": evidence.as_json(), "changes": list(pushed.changes)}
-        return Deployed(
-            tuple(self._evidence_lines(evidence)), self._left(evidence), values, deployed=evidence.confirmed
+            return self._outstanding(error, cut=revocation.members)
+        values = {"evidence": evidence.as_json(), "changes": list(push_result.changes)}
+        return DeployResult(
+            tuple(self._evidence_lines(evidence)),
+            self._remaining_errors(evidence),
+            values,
+            is_deployed=evidence.is_confirmed,
         )
 
-    def _seen(self, authority: Authority, link: ServerLink) -> Sequence[str]:
+    def _record_sessions(self, authority: Authority, link: ServerLink) -> Sequence[str]:
         """Record who was seen; what that changes on the server."""
-        _, pushed = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
-        return pushed.changes if pushed is not None else ()
+        _, push_result = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
+        return push_result.changes if push_result is not None else ()
 
     @contextmanager
     def link(self, notify: Subscriber) -> Iterator[ServerLink]:
         """The open link, for as long as the block."""
         self._say(notify, "", Stage.CONNECTING)
-        opened = self.opener()
+        server_link = self.opener()
         try:
-            yield opened
+            yield server_link
         finally:
-            opened.close()
+            server_link.close()
         self._say(notify, "", Stage.DONE)
 
     def _say(self, notify: Subscriber, message: str, stage: Stage) -> None:
@@ -227,12 +230,12 @@ class Connected:
             for session in evidence.ended
         ]
         whole = f"{1000 * evidence.seconds:.0f} ms with the way there and back"
-        words = "verified: no session, and nothing of theirs passes" if evidence.confirmed else "NOT verified"
+        words = "verified: no session, and nothing of theirs passes" if evidence.is_confirmed else "NOT verified"
         return [*lines, f"  {words} ({whole})", *(f"  {item}" for item in evidence.notes)]
 
     @staticmethod
-    def _left(evidence: RevocationEvidence | None) -> tuple[NetcfgError, ...]:
-        if evidence is None or evidence.confirmed:
+    def _remaining_errors(evidence: RevocationEvidence | None) -> tuple[NetcfgError, ...]:
+        if evidence is None or evidence.is_confirmed:
             return ()
         names = ", ".join(evidence.common_names)
         return (
@@ -247,11 +250,11 @@ class Connected:
         """Where it stands."""
         return self.declaration.hosts[self.declaration.pilot.vpn.server].site
 
-    def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> Deployed:
+    def _outstanding(self, error: NetcfgError, cut: Sequence[str] = ()) -> DeployResult:
         """The server's part is left to do: the record and the files stand."""
         who = f"{', '.join(cut)}: recorded and on the list; whoever is connected may still be. " if cut else ""
-        hint = f"{complete(error.hint, site=self.site)}\n{_RECORDED}" if error.hint else _RECORDED
-        return Deployed(errors=(Outstanding(error, f"{who}{error}", hint),), deployed=False)
+        hint = f"{complete(error.hint, site=self.site)}\n{_SYNC_HINT}" if error.hint else _SYNC_HINT
+        return DeployResult(errors=(Outstanding(error, f"{who}{error}", hint),), is_deployed=False)
 
 
 class Outstanding(NetcfgError):
@@ -286,10 +289,10 @@ class VpnStatus:
     @property
     def exit(self) -> ExitCode:
         """6 where something is seen to be wrong, 5 where the server is silent."""
-        found = worst(item.verdict for item in self.items)
-        if found is Verdict.FAIL:
+        verdict = worst(item.verdict for item in self.items)
+        if verdict is Verdict.FAIL:
             return ExitCode.CHECKS_FAILED
-        return ExitCode.UNKNOWN if found is Verdict.INCONCLUSIVE else ExitCode.DONE
+        return ExitCode.UNKNOWN if verdict is Verdict.INCONCLUSIVE else ExitCode.DONE
 
     def server_json(self) -> dict[str, Any] | None:
         """The server for programs."""
@@ -306,7 +309,7 @@ class VpnStatus:
 
 
 def vpn_status(
-    declaration: Declaration, authority: Authority, server: Connected | None, notify: Subscriber = ignore
+    declaration: Declaration, authority: Authority, server: RemoteServer | None, notify: Subscriber = ignore
 ) -> VpnStatus:
     """Look at the record, and at the server unless there is None. Raises LedgerDamaged.
 
@@ -327,7 +330,7 @@ def vpn_status(
             result.append(
                 StatusItem(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site))
             )
-    return VpnStatus((*result, *_queued(authority)), state)
+    return VpnStatus((*result, *_queue_items(authority)), state)
 
 
 def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusItem]:
@@ -349,12 +352,13 @@ def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusIt
 def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Iterator[StatusItem]:
     """Members whose key is not for the server as declared: it ends with the shared key, or insists on a cookie."""
     vpn, members = declaration.pilot.vpn, [member for member in membership.members.values() if member.good]
-    shared = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
-    if vpn.shared_key_until is not None and shared:
+    shared_key_members = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
+    if vpn.shared_key_until is not None and shared_key_members:
         yield StatusItem(
             Verdict.WARN,
-            f"{', '.join(shared)}: no new session after {vpn.shared_key_until}, the last day of the shared key",
-            f"with OpenVPN 2.5 or later on it: `provision vpn renew name={shared[0]} wrap=tls-crypt-v2`",
+            f"{', '.join(shared_key_members)}: no new session after {vpn.shared_key_until}, "
+            "the last day of the shared key",
+            f"with OpenVPN 2.5 or later on it: `provision vpn renew name={shared_key_members[0]} wrap=tls-crypt-v2`",
         )
     silent = [
         member.name
@@ -369,7 +373,7 @@ def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Ite
         )
 
 
-def _server(authority: Authority, server: Connected, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
+def _server(authority: Authority, server: RemoteServer, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
     differs = drift(state, live.desired_files(server.declaration, authority), authority.membership())
     try:
         live.check_record(authority, state)
@@ -399,18 +403,18 @@ def _server(authority: Authority, server: Connected, link: ServerLink, state: Se
             )
         else:
             yield StatusItem(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
-    for name in sighting.superseded:
+    for name in sighting.superseded_names:
         yield StatusItem(Verdict.PASS, f"{name} is retired: its successor was seen")
     evidence = live.finish_revocations(server.declaration, authority, link, server.who)
-    if evidence is not None and evidence.confirmed:
+    if evidence is not None and evidence.is_confirmed:
         yield StatusItem(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
 
 
-def _queued(authority: Authority) -> Iterator[StatusItem]:
-    queued = authority.membership().queued
-    if queued:
+def _queue_items(authority: Authority) -> Iterator[StatusItem]:
+    queue = authority.membership().queued_names
+    if queue:
         yield StatusItem(
             Verdict.FAIL,
-            f"revoked, and not confirmed dead by the server: {', '.join(queued)}",
+            f"revoked, and not confirmed dead by the server: {', '.join(queue)}",
             "`provision vpn sync` when the server can be reached",
         )

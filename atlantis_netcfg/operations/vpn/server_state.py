@@ -11,8 +11,8 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.computers.remote_session import AnswerLost, ServerLink
-from atlantis_netcfg.vpn.policy import ADMITTED, TABLE
-from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN, SERVICE, STATUS
+from atlantis_netcfg.vpn.policy import MEMBERS_SET, TABLE
+from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN_FILE, SERVICE, STATUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -27,10 +27,10 @@ PLACE: Mapping[str, str] = {
     "crl": f"{FOLDER}/crl.pem",
     "firewall": FIREWALL,
     "table": f"inet {TABLE}",
-    "members": ADMITTED,
+    "members": MEMBERS_SET,
     "socket": MANAGEMENT,
     "status": STATUS,
-    "seen": SEEN,
+    "seen": SEEN_FILE,
     "unit": SERVICE,
     "firewall_unit": "atlantis-vpn-firewall.service",
 }
@@ -76,7 +76,7 @@ class Crl:
     number: int
     begins: datetime
     ends: datetime
-    signed: bool
+    is_signed: bool
     """By the authority whose certificate the server has."""
     pem: str = ""
 
@@ -111,7 +111,7 @@ class ServerState:
     """Why they are not live."""
     at: datetime
     """To when the sessions belong; the server's clock."""
-    seen: Mapping[str, datetime]
+    last_sessions: Mapping[str, datetime]
     """Common name to when it had a session last, as the server's timer has noted it."""
     clock: datetime
     clock_ahead_s: float
@@ -124,7 +124,7 @@ class ServerState:
 
 
 @contextmanager
-def understood(do: str) -> Iterator[None]:
+def read_answer(do: str) -> Iterator[None]:
     """Read an answer: what it lacks, or has of another kind, is the server's fault. Raises AnswerLost."""
     try:
         yield
@@ -140,7 +140,7 @@ def observe(link: ServerLink) -> ServerState:
     began = time.time()
     values = link.ask("look", place=dict(PLACE))
     middle = (began + time.time()) / 2
-    with understood("look"):
+    with read_answer("look"):
         return _state(values, middle)
 
 
@@ -160,7 +160,7 @@ def _state(values: Mapping[str, Any], middle: float) -> ServerState:
         is_live=values["management"] == _ANSWERS,
         why=str(values["why"]),
         at=_moment(values["at"]),
-        seen=_seen(values["seen"]),
+        last_sessions=_parse_last_sessions(values["seen"]),
         clock=_moment(values["clock"]),
         clock_ahead_s=float(values["clock"]) - middle,
     )
@@ -188,8 +188,8 @@ def _crl(values: Mapping[str, Any] | None) -> Crl | None:
     return Crl(int(values["number"]), begins, ends, values["signed"] is True, str(values["pem"]))
 
 
-def _seen(noted: Mapping[str, Any] | None) -> dict[str, datetime]:
-    rows = (noted or {}).get("seen")
+def _parse_last_sessions(record: Mapping[str, Any] | None) -> dict[str, datetime]:
+    rows = (record or {}).get("seen")
     if not isinstance(rows, dict):
         return {}
     return {
@@ -224,13 +224,13 @@ def drift(state: ServerState, files: Sequence[File], membership: MembershipList)
     return (*_admissions(state, files), *_list(state, files, membership), *_firewall(state, files), *_running(state))
 
 
-def _admissions(state: ServerState, desired: Sequence[File]) -> Iterator[str]:
-    files = {file.path: file for file in desired if file.path.startswith(f"{CCD}/")}
+def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[str]:
+    files = {file.path: file for file in desired_files if file.path.startswith(f"{CCD}/")}
     for path, file in files.items():
-        name, found = path.rpartition("/")[2], state.files.get(path)
-        if found is None:
+        name, digest = path.rpartition("/")[2], state.files.get(path)
+        if digest is None:
             yield f"{name} is recorded, and the server does not admit it"
-        elif found != _sha256(file):
+        elif digest != _sha256(file):
             yield f"{name}: its file on the server was changed by hand ({path})"
     for path in state.files:
         if path.startswith(f"{CCD}/") and path not in files:
@@ -242,7 +242,7 @@ def _list(state: ServerState, files: Sequence[File], membership: MembershipList)
     if crl is None:
         yield "the server has no list of revoked certificates that can be read: nobody can connect"
         return
-    if not crl.signed:
+    if not crl.is_signed:
         yield "the server's list of revoked certificates is of another authority: who was revoked is let in"
     elif crl.number < membership.crl_number:
         yield (

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
-from atlantis_netcfg.runs import StateDamaged, make_private, new_run, os_errors_as, run_order, write_atomically
+from atlantis_netcfg.runs import DamagedStateError, make_private, new_run, os_errors_as, run_order, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Store
 
 FILE = "as-built.json"
-_DERIVED = ("exit", "errors", "tables")
+_DERIVED_KEYS = ("exit", "errors", "tables")
 """What `AsBuiltRecord.as_json` adds: it follows from the rest."""
 
 
@@ -39,21 +39,23 @@ def latest(folder: Path) -> AsBuiltRecord | None:
         return None
     path = folder / max(names, key=run_order) / FILE
     try:
-        return parsed(path.read_bytes())
+        return parse_record(path.read_bytes())
     except (OSError, ValueError) as error:
-        raise StateDamaged(
+        raise DamagedStateError(
             f"the last record cannot be read: {path}",
             hint="put its folder aside: the next record is then the first one, and has no differences",
         ) from error
 
 
-def parsed(data: bytes) -> AsBuiltRecord:
+def parse_record(data: bytes) -> AsBuiltRecord:
     """Read an `as-built.json`. ValueError if it is none."""
-    found = json.loads(data)
-    if not isinstance(found, dict):
+    document = json.loads(data)
+    if not isinstance(document, dict):
         raise ValueError  # noqa: TRY004 - a file that holds another thing
     try:
-        return AsBuiltRecord.model_validate({name: value for name, value in found.items() if name not in _DERIVED})
+        return AsBuiltRecord.model_validate(
+            {name: value for name, value in document.items() if name not in _DERIVED_KEYS}
+        )
     except ValidationError as error:
         raise ValueError(str(error)) from error
 

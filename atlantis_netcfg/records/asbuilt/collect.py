@@ -26,13 +26,21 @@ from atlantis_netcfg.inventory.model import (
     Switch,
     SwitchPortUse,
 )
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.session_link import PATIENCE_S
 from atlantis_netcfg.operations.computers._access import is_computer
 from atlantis_netcfg.operations.links.collect import LinkQueries, bills, session_to
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.records.asbuilt import computer, routeros
-from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Fact, Origin, PortRecord, ReadState, Spent, masked
+from atlantis_netcfg.records.asbuilt.record import (
+    DeviceRecord,
+    Fact,
+    Origin,
+    PortRecord,
+    ReadState,
+    SessionUsage,
+    mask_number,
+)
 from atlantis_netcfg.runs import Purpose, Run, Store
 
 if TYPE_CHECKING:
@@ -43,7 +51,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.links.session import ReadOnlySession
 
-_DONE = frozenset({"changed", "unchanged"})
+_COMPLETE_STATUSES = frozenset({"changed", "unchanged"})
 """Outcomes of a run in which a device was read back as declared."""
 _NO_INTERFACE = "no machine interface of it is documented: a person looks at its pages"
 
@@ -63,19 +71,21 @@ class SiteLook:
     """File of OpenSSH that says how a computer's name is reached, in place of the declared address."""
     sessions: dict[str, ReadOnlySession] = field(default_factory=dict)
 
-    async def devices(self, chosen: Sequence[Host]) -> tuple[DeviceRecord, ...]:
-        """Every host of the site, in the order of the declaration; those that are not `chosen` are not asked."""
-        names = {host.name for host in chosen}
+    async def devices(self, selected_hosts: Sequence[Host]) -> tuple[DeviceRecord, ...]:
+        """Every host of the site, in the order of the inventory; only `selected_hosts` are queried."""
+        names = {host.name for host in selected_hosts}
         hosts = self.declaration.site_hosts(self.site)
-        found = await asyncio.gather(*(self._device(host, chosen=host.name in names) for host in hosts))
+        records = await asyncio.gather(*(self._device(host, is_selected=host.name in names) for host in hosts))
         history = JournalFacts(self.declaration, self.site, self._store)
-        return tuple(history.added(device) for device in found)
+        return tuple(history.extend_record(device) for device in records)
 
     @property
     def checklist(self) -> Fact:
         """The last signed checklist of the site."""
-        signed = [book for book in books(self._store.root / self.site / "checks") if book.state is VehicleState.SIGNED]
-        document = signed[-1].document if signed else None
+        signed_books = [
+            book for book in books(self._store.root / self.site / "checks") if book.state is VehicleState.SIGNED
+        ]
+        document = signed_books[-1].document if signed_books else None
         if document is None or document.signed is None:
             return Fact(value=None, origin=Origin.NOT_READ, note="there is no signed checklist on this computer")
         note = f"signed by {document.signed.by}, digest {document.signed.digest[:16]}"
@@ -83,12 +93,14 @@ class SiteLook:
 
     @property
     def _store(self) -> Store:
-        return Store(self.request.state, rehearsed=self.request.rehearsed)
+        return Store(self.request.state, is_rehearsal=self.request.rehearsed)
 
     @property
-    def spent(self) -> dict[str, Spent]:
+    def usage(self) -> dict[str, SessionUsage]:
         """What each session has cost on the wire."""
-        return {name: Spent(round_trips=item.round_trips, bytes=item.bytes) for name, item in self.sessions.items()}
+        return {
+            name: SessionUsage(round_trips=item.round_trips, bytes=item.bytes) for name, item in self.sessions.items()
+        }
 
     def costs(self, seconds: float) -> dict[str, str]:
         """The bills of the sessions with RouterOS devices over links that are paid by the byte."""
@@ -97,16 +109,16 @@ class SiteLook:
         queries = LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
         return {name: bill.words for name, bill in bills(queries, None, seconds).items()}
 
-    async def _device(self, host: Host, *, chosen: bool) -> DeviceRecord:
+    async def _device(self, host: Host, *, is_selected: bool) -> DeviceRecord:
         device = DeviceRecord(
             name=host.name,
             kind=host.device.kind,
             state=ReadState.LEFT_OUT,
             why="left out by `only=`",
-            facts=_declared(host),
+            facts=_declared_facts(host),
             ports=tuple(PortRecord(name=name, belongs=what) for name, what in places(self.declaration, host).items()),
         )
-        if not chosen:
+        if not is_selected:
             return device
         state, why = self._why_not(host)
         if state is not None:
@@ -118,8 +130,10 @@ class SiteLook:
             self.notify(Event(host.name, Stage.FAILED, str(error)))
             hint = error.hint and complete(error.hint, site=host.site, device=host.name)
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
-        answered = result.read_at is not None
-        self.notify(Event(host.name, Stage.DONE if answered else Stage.FAILED, "read" if answered else result.why))
+        has_answered = result.read_at is not None
+        self.notify(
+            Event(host.name, Stage.DONE if has_answered else Stage.FAILED, "read" if has_answered else result.why)
+        )
         return result
 
     def _why_not(self, host: Host) -> tuple[ReadState | None, str]:
@@ -129,7 +143,7 @@ class SiteLook:
             return ReadState.BY_HAND, _NO_INTERFACE
         if isinstance(device, LteRouter) and device.driver not in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
             return ReadState.BY_HAND, f"its driver `{device.driver}` reads the link, and nothing that names the unit"
-        if not handled(host) and not is_computer(host) and not isinstance(device, LteRouter):
+        if not is_supported(host) and not is_computer(host) and not isinstance(device, LteRouter):
             return ReadState.BY_HAND, f"nobody reads a {device.kind.replace('_', ' ')} yet"
         if self.request.rehearsed and host.name not in self.request.targets:
             return ReadState.NOT_REHEARSED, self.not_emulated.get(host.name, "it is not emulated in this rehearsal")
@@ -137,7 +151,7 @@ class SiteLook:
 
     async def _read(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """Raises NetcfgError where it does not answer."""
-        if handled(host):
+        if is_supported(host):
             return await self._routeros(host, device)
         if is_computer(host):
             return await self._computer(host, device)
@@ -145,18 +159,20 @@ class SiteLook:
 
     async def _routeros(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """One session of two round trips behind the handshake: the login, and everything else at once."""
-        hardware = managed(self.declaration, host).hardware
+        hardware = get_managed_device(self.declaration, host).hardware
         modem = hardware.modem.name if hardware.modem is not None else None
         door = session_to(self.declaration, self.site, host, self.request, self.patience_s)
         self.sessions[host.name] = door
-        async with door.opened() as session:
+        async with door.open_session() as session:
             certificate = session.certificate
             replies = await session.flight(routeros.questions(hardware.ports, modem))
         mask = self.declaration.pilot.asbuilt.mask
-        found = routeros.read(replies, hardware.ports, modem, mask, addresses(self.declaration, self.site))
-        shown = {"certificate": Fact(value=certificate, origin=Origin.READ)}
-        filled = _filled(device, {**found.facts, **shown}, found.ports, found.missing, found.notes)
-        return filled.model_copy(update={"elsewhere": found.elsewhere})
+        reading = routeros.read(replies, hardware.ports, modem, mask, addresses(self.declaration, self.site))
+        certificate_facts = {"certificate": Fact(value=certificate, origin=Origin.READ)}
+        record = _fill_record(
+            device, {**reading.facts, **certificate_facts}, reading.ports, reading.missing, reading.notes
+        )
+        return record.model_copy(update={"elsewhere": reading.elsewhere})
 
     async def _unit(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """A RutOS unit: its serial number, and the numbers of modem and SIM; of no other field the name is known."""
@@ -165,12 +181,12 @@ class SiteLook:
         unit = LteUnit(host, host.device, self._store, self.notify, self.request.rehearsed, target)
         status = await asyncio.to_thread(unit.look)
         mask, pin = self.declaration.pilot.asbuilt.mask, unit.endpoint.pin
-        numbers = {name: masked(number, mask) for name, number in status.identities.items()}
+        numbers = {name: mask_number(number, mask) for name, number in status.identities.items()}
         values = {"serial": status.serial, "imei": numbers.get("imei"), "iccid": numbers.get("iccid")}
         facts = {name: _fact(value, "the unit does not say it to this user") for name, value in values.items()}
         facts["version"] = _fact(None, "no page of RutOS that tells its firmware is known here")
         facts["certificate"] = _fact(pin, "it is known by none")
-        return _filled(device, facts)
+        return _fill_record(device, facts)
 
     async def _computer(self, host: Host, device: DeviceRecord) -> DeviceRecord:
         """One SSH command; where ssh does not get there, its words say why. Raises CostRefused."""
@@ -182,12 +198,12 @@ class SiteLook:
         if all(answer.trouble is not None for answer in answers.values()):
             why = next(iter(answers.values())).words
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": why})
-        found = computer.read(host, answers, packages, addresses(self.declaration, self.site))
-        filled = _filled(device, found.facts, found.ports, found.missing, notes)
-        return filled.model_copy(update={"packages": dict(found.packages)})
+        reading = computer.read(host, answers, packages, addresses(self.declaration, self.site))
+        record = _fill_record(device, reading.facts, reading.ports, reading.missing, notes)
+        return record.model_copy(update={"packages": dict(reading.packages)})
 
 
-def _filled(
+def _fill_record(
     device: DeviceRecord,
     facts: Mapping[str, Fact],
     ports: Sequence[PortRecord] = (),
@@ -197,7 +213,7 @@ def _filled(
     """A device that was read; a declared port that it does not have stays, and says so by its link."""
     there = {port.name for port in ports}
     places = {port.name: port.belongs for port in device.ports}
-    named = [port.model_copy(update={"belongs": port.belongs or places.get(port.name)}) for port in ports]
+    present_ports = [port.model_copy(update={"belongs": port.belongs or places.get(port.name)}) for port in ports]
     absent = [port for port in device.ports if port.name not in there]
     return device.model_copy(
         update={
@@ -205,34 +221,39 @@ def _filled(
             "why": "; ".join(missing),
             "read_at": datetime.now(UTC),
             "facts": {**device.facts, **facts},
-            "ports": (*named, *absent),
+            "ports": (*present_ports, *absent),
             "notes": (*_differs(device, facts), *notes),
         }
     )
 
 
 def _differs(device: DeviceRecord, facts: Mapping[str, Fact]) -> Iterator[str]:
-    declared, read = device.facts.get("model"), facts.get("model")
-    if declared is None or declared.value is None or read is None or read.value in {None, declared.value}:
+    declared_model, read = device.facts.get("model"), facts.get("model")
+    if (
+        declared_model is None
+        or declared_model.value is None
+        or read is None
+        or read.value in {None, declared_model.value}
+    ):
         return
-    yield f"the declaration has model {declared.value}, and the device says {read.value}"
+    yield f"the declaration has model {declared_model.value}, and the device says {read.value}"
 
 
 def _fact(value: str | None, why_not: str) -> Fact:
     return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
 
 
-def _declared(host: Host) -> dict[str, Fact]:
+def _declared_facts(host: Host) -> dict[str, Fact]:
     """What the declaration says of a device; of a terminal also what a person has seen on its pages."""
     device = host.device
     model = {} if device.model is None else {"model": Fact(value=device.model, origin=Origin.DECLARED)}
     if not isinstance(device, SatelliteTerminal):
         return model
-    seen = device.evidence
+    evidence = device.evidence
     version = Fact(value=None, origin=Origin.NOT_READ, note="nobody has looked at its pages yet")
-    if seen is not None:
-        note = f"declared: {seen.by} has seen it on its pages on {seen.seen_on}"
-        version = Fact(value=seen.firmware, origin=Origin.DECLARED, note=note)
+    if evidence is not None:
+        note = f"declared: {evidence.by} has seen it on its pages on {evidence.seen_on}"
+        version = Fact(value=evidence.firmware, origin=Origin.DECLARED, note=note)
     return {**model, "serial": Fact(value=None, origin=Origin.NOT_READ, note=_NO_INTERFACE), "version": version}
 
 
@@ -291,15 +312,15 @@ class JournalFacts:
 
     def __init__(self, declaration: Declaration, site: str, store: Store) -> None:
         self._declaration, self._store = declaration, store
-        names = (*store.archived(site), *(run.id for run in store.runs(site)))
+        names = (*store.archived_runs(site), *(run.id for run in store.runs(site)))
         self._runs = [store.run(site, name) for name in sorted(names, reverse=True)]
 
-    def added(self, device: DeviceRecord) -> DeviceRecord:
+    def extend_record(self, device: DeviceRecord) -> DeviceRecord:
         """The device with them."""
         facts = {
             **device.facts,
-            "adopted": self._adopted(device.name),
-            "confirmed": self._confirmed(device.name),
+            "adopted": self._adoption_fact(device.name),
+            "confirmed": self._confirmation_fact(device.name),
             "host_key": self._host_key(device),
         }
         return device.model_copy(update={"facts": {name: fact for name, fact in facts.items() if fact is not None}})
@@ -307,19 +328,22 @@ class JournalFacts:
     def _run(self, name: str, purpose: Purpose) -> Run | None:
         """The latest run of this purpose that has read the device back as it was to be."""
         runs = (run for run in self._runs if run.purpose is purpose)
-        return next((run for run in runs if (end := run.outcomes.get(name)) is not None and end.status in _DONE), None)
+        return next(
+            (run for run in runs if (end := run.outcomes.get(name)) is not None and end.status in _COMPLETE_STATUSES),
+            None,
+        )
 
-    def _adopted(self, name: str) -> Fact | None:
+    def _adoption_fact(self, name: str) -> Fact | None:
         host = self._declaration.hosts[name]
-        if not handled(host):
+        if not is_supported(host):
             return None
         run = self._run(name, Purpose.ADOPT)
         if run is None:
             return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no adoption of it")
-        by = run.started.by if run.started is not None else ""
+        by = run.start_record.by if run.start_record is not None else ""
         return Fact(value=by or "who did it was not recorded", origin=Origin.STORED, at=run.at, note=f"run {run.id}")
 
-    def _confirmed(self, name: str) -> Fact:
+    def _confirmation_fact(self, name: str) -> Fact:
         run = self._run(name, Purpose.CONFIGURE)
         if run is None:
             return Fact(value=None, origin=Origin.NOT_READ, note="the journal of this computer has no such run of it")
@@ -327,19 +351,19 @@ class JournalFacts:
 
     def _host_key(self, device: DeviceRecord) -> Fact | None:
         """The one that a device has shown itself counts; RouterOS shows none over its API."""
-        if "host_key" in device.facts or not handled(self._declaration.hosts[device.name]):
+        if "host_key" in device.facts or not is_supported(self._declaration.hosts[device.name]):
             return device.facts.get("host_key")
-        declared = managed(self._declaration, self._declaration.hosts[device.name]).access.host_key
-        if declared is not None:
-            return Fact(value=declared, origin=Origin.DECLARED)
-        pinned = self._store.pins.host_key(device.name)
-        if pinned is not None:
-            return Fact(value=pinned, origin=Origin.STORED, note="the pin of this computer")
+        declared_key = get_managed_device(self._declaration, self._declaration.hosts[device.name]).access.host_key
+        if declared_key is not None:
+            return Fact(value=declared_key, origin=Origin.DECLARED)
+        pinned_key = self._store.pins.host_key(device.name)
+        if pinned_key is not None:
+            return Fact(value=pinned_key, origin=Origin.STORED, note="the pin of this computer")
         return Fact(value=None, origin=Origin.NOT_READ, note="nobody has agreed to one on this computer")
 
 
-async def look_at(site: SiteLook, chosen: Sequence[Host]) -> tuple[tuple[DeviceRecord, ...], dict[str, str]]:
+async def look_at(site: SiteLook, selected_hosts: Sequence[Host]) -> tuple[tuple[DeviceRecord, ...], dict[str, str]]:
     """Ask, and give the devices, with the bills of links that are paid by the byte."""
     began = time.monotonic()
-    devices = await site.devices(chosen)
+    devices = await site.devices(selected_hosts)
     return devices, site.costs(time.monotonic() - began)

@@ -40,7 +40,7 @@ _PROGRAMS: Mapping[str, tuple[str, ...]] = {
     "host_key": ("ssh-keygen", "-l", "-f", _HOST_KEY),
 }
 """By the name of what they tell; an ARM board has a device tree, a PC has the tables of its firmware."""
-_NEEDED = ("os", "kernel", "links")
+_REQUIRED_FACTS = ("os", "kernel", "links")
 PACKAGE_LINES = r"-f=${Package}=${Version}=${db:Status-Status}\n"
 """How dpkg-query is told to print a package."""
 NOT_INSTALLED = "not installed"
@@ -65,18 +65,18 @@ def declared_packages(
     """Every package that a run of the site would install on a computer, by name; and what is not known of them."""
     if is_server(host):
         return tuple(sorted(SERVER_PACKAGES)), ()
-    found: set[str] = set()
+    package_names: set[str] = set()
     notes = []
     for name, part in PARTS.items():
         if name in {ACCESS, SERVER} or not concerns(name, host):
             continue
         try:
-            desired = part(declaration, host, request).get("packages") or {}
+            desired_packages = part(declaration, host, request).get("packages") or {}
         except NetcfgError as error:
             notes.append(f"which packages `{name}` installs is not known, so they were not asked for: {error}")
             continue
-        found |= {str(package["name"]) for package in desired.get("packages") or ()}
-    return tuple(sorted(found)), tuple(notes)
+        package_names |= {str(package["name"]) for package in desired_packages.get("packages") or ()}
+    return tuple(sorted(package_names)), tuple(notes)
 
 
 def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, RunProgram]]:
@@ -90,22 +90,22 @@ def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, RunProgram
 
 
 def read(
-    host: Host, answers: Mapping[str, Answer], packages: Sequence[str], declared: Mapping[str, str]
+    host: Host, answers: Mapping[str, Answer], packages: Sequence[str], host_by_address: Mapping[str, str]
 ) -> ComputerFacts:
-    """Read the answers to `questions`; `declared`: MAC or address to the host that has it."""
-    printed = {name: _printed(answer) for name, answer in answers.items()}
+    """Read the answers to `questions`; `host_by_address`: MAC or address to the host that has it."""
+    outputs = {name: _output(answer) for name, answer in answers.items()}
     port = host.device.network.interface if isinstance(host.device, Gateway) and host.device.network else None
     return ComputerFacts(
-        facts=_facts(printed),
-        ports=tuple(_ports(printed, port, declared)),
-        packages=_versions(printed.get("packages"), packages),
+        facts=_facts(outputs),
+        ports=tuple(_ports(outputs, port, host_by_address)),
+        packages=_versions(outputs.get("packages"), packages),
         missing=tuple(
-            f"{' '.join(_PROGRAMS[name])}: {_why(answers[name])}" for name in _NEEDED if printed[name] is None
+            f"{' '.join(_PROGRAMS[name])}: {_why(answers[name])}" for name in _REQUIRED_FACTS if outputs[name] is None
         ),
     )
 
 
-def _printed(answer: Answer) -> str | None:
+def _output(answer: Answer) -> str | None:
     """What a program printed; None where it could not. dpkg-query ends with 1 where one package of many is missing."""
     if not isinstance(answer, CommandResult) or answer.trouble is not None:
         return None
@@ -118,15 +118,15 @@ def _why(answer: Answer) -> str:
     return answer.words or last or "it printed nothing"
 
 
-def _facts(printed: Mapping[str, str | None]) -> dict[str, Fact]:
-    key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", printed["host_key"] or "")
-    model = _worthy(printed["board"]) or _worthy(printed["product"])
-    serial = _worthy(printed["board_serial"]) or _worthy(printed["product_serial"])
+def _facts(outputs: Mapping[str, str | None]) -> dict[str, Fact]:
+    key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", outputs["host_key"] or "")
+    model = _worthy(outputs["board"]) or _worthy(outputs["product"])
+    serial = _worthy(outputs["board_serial"]) or _worthy(outputs["product_serial"])
     return {
         "model": _fact(model, "its firmware names no model"),
         "serial": _fact(serial, "its firmware names no serial number"),
-        "os": _fact(_release(printed["os"] or ""), "its system does not say"),
-        "kernel": _fact(printed["kernel"], "its system does not say"),
+        "os": _fact(_release(outputs["os"] or ""), "its system does not say"),
+        "kernel": _fact(outputs["kernel"], "its system does not say"),
         "host_key": _fact(key[0] if key else None, f"it has no {_HOST_KEY}"),
     }
 
@@ -149,48 +149,50 @@ def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:
     if text is None:
         return {}
     rows = [line.split("=") for line in text.splitlines() if line.count("=") >= 2]  # noqa: PLR2004 - three fields
-    installed = {row[0]: "=".join(row[1:-1]) for row in rows if row[-1] == "installed"}
-    return {name: installed.get(name, NOT_INSTALLED) for name in packages}
+    version_by_name = {row[0]: "=".join(row[1:-1]) for row in rows if row[-1] == "installed"}
+    return {name: version_by_name.get(name, NOT_INSTALLED) for name in packages}
 
 
-def _ports(printed: Mapping[str, str | None], named: str | None, declared: Mapping[str, str]) -> Iterator[PortRecord]:
+def _ports(
+    outputs: Mapping[str, str | None], interface: str | None, host_by_address: Mapping[str, str]
+) -> Iterator[PortRecord]:
     """The network cards: what the kernel makes by itself, as `lo` and tunnels, has another type of link."""
-    for row in _rows(printed["links"]):
+    for row in _rows(outputs["links"]):
         name, mac = str(row.get("ifname", "")), str(row.get("address", "")).upper()
-        if row.get("link_type") != "ether" or not name or _made(name):
+        if row.get("link_type") != "ether" or not name or _is_virtual(name):
             continue
         state = {"UP": Link.UP, "DOWN": Link.DOWN}.get(str(row.get("operstate")), Link.UNKNOWN)
-        speed = printed.get("speed") if name == named else None
+        speed = outputs.get("speed") if name == interface else None
         yield PortRecord(
             name=name,
             mac=mac or None,
             link=state,
             speed=f"{speed} Mbit/s" if speed is not None and speed.isdecimal() else None,
-            belongs="LAN of the site" if name == named else None,
-            neighbours=tuple(_neighbours(printed["neighbours"], name, declared)),
+            belongs="LAN of the site" if name == interface else None,
+            neighbours=tuple(_neighbours(outputs["neighbours"], name, host_by_address)),
         )
 
 
-def _made(name: str) -> bool:
+def _is_virtual(name: str) -> bool:
     return name.startswith(("docker", "br-", "veth", "virbr", "tap", "dummy", "bond"))
 
 
-def _neighbours(text: str | None, port: str, declared: Mapping[str, str]) -> Iterator[PortNeighbour]:
+def _neighbours(text: str | None, port: str, host_by_address: Mapping[str, str]) -> Iterator[PortNeighbour]:
     """Each MAC once, by the first of its addresses."""
-    seen: set[str] = set()
+    seen_macs: set[str] = set()
     for row in _rows(text):
         mac, address = str(row.get("lladdr", "")).upper(), str(row.get("dst", ""))
         state = row.get("state")
-        if row.get("dev") != port or not mac or mac in seen or (isinstance(state, list) and "FAILED" in state):
+        if row.get("dev") != port or not mac or mac in seen_macs or (isinstance(state, list) and "FAILED" in state):
             continue
-        seen.add(mac)
-        known = declared.get(mac) or declared.get(address)
-        yield PortNeighbour(mac=mac, by=("ARP",), address=address, declared=known)
+        seen_macs.add(mac)
+        host = host_by_address.get(mac) or host_by_address.get(address)
+        yield PortNeighbour(mac=mac, by=("ARP",), address=address, declared=host)
 
 
 def _rows(text: str | None) -> list[dict[str, object]]:
     try:
-        found = json.loads(text or "[]")
+        data = json.loads(text or "[]")
     except ValueError:
         return []
-    return [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
+    return [row for row in data if isinstance(row, dict)] if isinstance(data, list) else []

@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, plain, wrapped
+from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, plain, wrap_row
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.records.asbuilt.record import (
     FACTS,
@@ -18,8 +18,8 @@ from atlantis_netcfg.records.asbuilt.record import (
     PortRecord,
     ReadState,
     ReportTable,
+    neighbour_text,
     report_tables,
-    shown,
     title_of,
 )
 from atlantis_netcfg.runs.report.page import page, page_environment
@@ -108,7 +108,7 @@ def link_words(port: PortRecord) -> str:
 
 def neighbour_words(neighbour: PortNeighbour) -> str:
     """Who was heard, and how."""
-    return f"heard: {shown(neighbour)}, by {' and '.join(neighbour.by)}"
+    return f"heard: {neighbour_text(neighbour)}, by {' and '.join(neighbour.by)}"
 
 
 def closing(record: AsBuiltRecord) -> str:
@@ -123,8 +123,8 @@ def closing(record: AsBuiltRecord) -> str:
     words += [f"{away} did not answer"] if away else []
     out = states.count(ReadState.LEFT_OUT)
     words += [f"{out} were left out"] if out else []
-    left = rest - read - part - away - out
-    words += [f"{left} cannot be asked"] if left else []
+    other_count = rest - read - part - away - out
+    words += [f"{other_count} cannot be asked"] if other_count else []
     return ", ".join(words)
 
 
@@ -137,17 +137,17 @@ def compared_words(record: AsBuiltRecord) -> str:
     return f"Different from record {record.since}:"
 
 
-def rows(record: AsBuiltRecord, kept: str) -> Iterator[Row]:
-    """Every line of a screen; `kept`: where the record is."""
+def rows(record: AsBuiltRecord, location: str) -> Iterator[Row]:
+    """Every line of a screen; `location`: where the record is."""
     for row in _rows(record):
         text = plain(row)
-        yield from wrapped(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
-    yield translate(f"kept: {kept}")
+        yield from wrap_row(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
+    yield translate(f"kept: {location}")
     yield translate(closing(record))
 
 
 def _rows(record: AsBuiltRecord) -> Iterator[Row]:
-    yield Styled(translate(heading(record)), Style.TITLE)
+    yield StyledText(translate(heading(record)), Style.TITLE)
     yield translate(subtitle(record))
     yield translate(what(record))
     for device in record.devices:
@@ -157,7 +157,7 @@ def _rows(record: AsBuiltRecord) -> Iterator[Row]:
     if record.checklist is not None:
         yield translate(checklist_words(record.checklist, record.time_zone))
     yield translate(compared_words(record))
-    yield from ((Styled("  ~ ", Style.WARNING), translate(change.words)) for change in record.changes)
+    yield from ((StyledText("  ~ ", Style.WARNING), translate(change.words)) for change in record.changes)
     yield from (translate(f"note: {note}") for note in record.notes)
     yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
     yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
@@ -167,7 +167,7 @@ def _rows(record: AsBuiltRecord) -> Iterator[Row]:
 def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
     word = state_word(device)
     kind = translate(device.kind.replace("_", " "))
-    yield Styled(device.name, Style.TITLE), f": {kind}, ", Styled(word, _STYLES.get(device.state, Style.QUIET))
+    yield StyledText(device.name, Style.TITLE), f": {kind}, ", StyledText(word, _STYLES.get(device.state, Style.QUIET))
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
         if words:
             yield f"  {translate(words)}"

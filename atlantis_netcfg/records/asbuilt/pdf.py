@@ -77,7 +77,7 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
         paper.head(translate("Not rehearsed"))
     for entry in record.not_rehearsed:
         paper.tell(translate(entry), indent=_INDENT)
-    return paper.written()
+    return paper.to_bytes()
 
 
 def _paper(record: AsBuiltRecord, digest: str) -> Paper:
@@ -167,7 +167,7 @@ def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -
     """A4 sheets of labels of the declared size. Raises UsageError where a QR code has no room on a label."""
     width, height = sheet.label_width_mm, sheet.label_height_mm
     columns, lines = (int((whole + 0.01) // part) for whole, part in zip(_A4, (width, height), strict=True))
-    left, top = (_A4[0] - columns * width) / 2, (_A4[1] - lines * height) / 2
+    margin_left, top = (_A4[0] - columns * width) / 2, (_A4[1] - lines * height) / 2
     labels = labels_of(record, digest, place)
     codes = [segno.make(label.text, error="m", micro=False) for label in labels]
     side = _side(width, height, max(len(code.matrix) for code in codes) + 2 * _QUIET)
@@ -177,10 +177,10 @@ def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -
         here = number % (columns * lines)
         if not here:
             paper.add_page()
-        x, y = left + here % columns * width, top + here // columns * height
+        x, y = margin_left + here % columns * width, top + here // columns * height
         _code(paper, code.matrix, x + _EDGE, y + (height - side) / 2, side)
         _text(paper, _words(label, record), (x + _EDGE + side + 1, y + _EDGE + 1), x + width - _EDGE)
-    return paper.written()
+    return paper.to_bytes()
 
 
 def _side(width: float, height: float, modules: int) -> float:

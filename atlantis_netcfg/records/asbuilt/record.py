@@ -157,7 +157,7 @@ class Change(_Data):
         return f"{self.device}: {self.what} changed from {self.before} to {self.after}"
 
 
-class Spent(_Data):
+class SessionUsage(_Data):
     """What reading a device has cost on the wire, its login included."""
 
     round_trips: int
@@ -187,7 +187,7 @@ class AsBuiltRecord(_Data):
     changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = ()
     not_rehearsed: tuple[str, ...] = ()
-    spent: dict[str, Spent] = {}
+    spent: dict[str, SessionUsage] = {}
     """Of each RouterOS device; an SSH session to a computer is not counted here."""
     costs: dict[str, str] = {}
     """Link that is paid by the byte to its bill, in words."""
@@ -210,15 +210,15 @@ class AsBuiltRecord(_Data):
         return {**self.model_dump(mode="json"), "exit": int(self.exit), "errors": [], "tables": tables}
 
 
-def masked(number: str, mask: NumberMask) -> str:
+def mask_number(number: str, mask: NumberMask) -> str:
     """A number that names a SIM or a modem, as far as the declaration lets a record show it."""
     if mask is NumberMask.NONE:
         return number
-    shown = number[-4:] if mask is NumberMask.LAST4 and len(number) > 4 else ""  # noqa: PLR2004 - as its name says
-    return "*" * (len(number) - len(shown)) + shown
+    visible_digits = number[-4:] if mask is NumberMask.LAST4 and len(number) > 4 else ""  # noqa: PLR2004 - as its name says
+    return "*" * (len(number) - len(visible_digits)) + visible_digits
 
 
-def compared(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecord:
+def compare(record: AsBuiltRecord, before: AsBuiltRecord | None) -> AsBuiltRecord:
     """The record with its differences from the one before, and with the last known values of whom nobody reached."""
     if before is None:
         return record
@@ -231,12 +231,12 @@ def _with_last_known(device: DeviceRecord, before: DeviceRecord | None) -> Devic
     """Values of a device that was not read: those of the last record, marked as stored, at the time they were read."""
     if device.read_at is not None or before is None or before.read_at is None:
         return device
-    stored = {name: _stored(fact, before.read_at) for name, fact in before.facts.items()}
-    kept = {"ports": before.ports, "elsewhere": before.elsewhere, "packages": before.packages}
-    return device.model_copy(update={"facts": stored | device.facts, "read_at": before.read_at, **kept})
+    stored_facts = {name: _mark_stored(fact, before.read_at) for name, fact in before.facts.items()}
+    old_values = {"ports": before.ports, "elsewhere": before.elsewhere, "packages": before.packages}
+    return device.model_copy(update={"facts": stored_facts | device.facts, "read_at": before.read_at, **old_values})
 
 
-def _stored(fact: Fact, read_at: datetime) -> Fact:
+def _mark_stored(fact: Fact, read_at: datetime) -> Fact:
     if fact.origin is not Origin.READ:
         return fact
     return fact.model_copy(update={"origin": Origin.STORED, "at": fact.at or read_at})
@@ -248,26 +248,26 @@ def _changes(record: AsBuiltRecord, before: AsBuiltRecord) -> Iterator[Change]:
         earlier = before.device(device.name)
         if device.state not in {ReadState.READ, ReadState.IN_PART} or earlier is None or earlier.read_at is None:
             continue
-        skipped = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
-        changed = [*_of_facts(device, earlier, skipped), *_of_packages(device, earlier)]
+        excluded_names = _OF_RUNS | (_MADE_ANEW if record.rehearsed else frozenset())
+        differences = [*_of_facts(device, earlier, excluded_names), *_of_packages(device, earlier)]
         # The cards of an emulated computer are made when it starts, as its keys are.
         lasting = not record.rehearsed or device.kind not in _COMPUTERS
-        changed += _of_ports(device, earlier) if lasting else ()
-        yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in changed)
+        differences += _of_ports(device, earlier) if lasting else ()
+        yield from (Change(device=device.name, what=what, before=old, after=new) for what, old, new in differences)
         yield from _of_neighbours(device, earlier) if lasting else ()
 
 
 _Difference = tuple[str, str | None, str | None]
 
 
-def _of_facts(now: DeviceRecord, before: DeviceRecord, skipped: frozenset[str]) -> Iterator[_Difference]:
+def _of_facts(now: DeviceRecord, before: DeviceRecord, excluded_names: frozenset[str]) -> Iterator[_Difference]:
     for name in FACTS:
         fact, old = now.facts.get(name), before.facts.get(name)
-        if name in skipped or fact is None or fact.value is None:
+        if name in excluded_names or fact is None or fact.value is None:
             continue
-        known = old.value if old is not None else None
-        if fact.value != known:
-            yield title_of(name), known, fact.value
+        old_value = old.value if old is not None else None
+        if fact.value != old_value:
+            yield title_of(name), old_value, fact.value
 
 
 def _of_ports(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Difference]:
@@ -288,10 +288,10 @@ def _of_neighbours(now: DeviceRecord, before: DeviceRecord) -> Iterator[Change]:
     """By MAC: who is new on a port, and who is no longer heard; an entry ages, so that a pause looks the same."""
     ports = {port.name: port.neighbours for port in before.ports}
     for port in now.ports:
-        here = {item.mac: shown(item) for item in port.neighbours}
-        gone = {item.mac: shown(item) for item in ports.get(port.name, ())}
-        pairs: list[tuple[str | None, str | None]] = [(None, here[mac]) for mac in here if mac not in gone]
-        pairs += [(gone[mac], None) for mac in gone if mac not in here]
+        here = {item.mac: neighbour_text(item) for item in port.neighbours}
+        before_by_mac = {item.mac: neighbour_text(item) for item in ports.get(port.name, ())}
+        pairs: list[tuple[str | None, str | None]] = [(None, here[mac]) for mac in here if mac not in before_by_mac]
+        pairs += [(before_by_mac[mac], None) for mac in before_by_mac if mac not in here]
         for old, new in pairs:
             yield Change(device=now.name, what=f"port {port.name}", before=old, after=new, neighbour=True)
 
@@ -302,7 +302,7 @@ def _of_packages(now: DeviceRecord, before: DeviceRecord) -> Iterator[_Differenc
             yield f"package {name}", before.packages.get(name), version
 
 
-def shown(neighbour: PortNeighbour) -> str:
+def neighbour_text(neighbour: PortNeighbour) -> str:
     """Who it is, as far as it was heard."""
     words = [neighbour.mac, *(item for item in (neighbour.address, neighbour.name) if item)]
     return " ".join(words) + (f" ({neighbour.declared})" if neighbour.declared else "")
@@ -349,12 +349,12 @@ def report_tables(record: AsBuiltRecord) -> tuple[ReportTable, ...]:
     devices = [item for item in record.devices if item.state in {ReadState.READ, ReadState.IN_PART}]
     centre = any(device.kind in {"vpn_server", "control_centre"} for device in record.devices)
     checklist = record.checklist.value if record.checklist is not None else None
-    tested = devices if checklist is not None else []
+    tested_devices = devices if checklist is not None else []
     packages = [(device.name, name, version) for device in devices for name, version in device.packages.items()]
     return (
         _table(8, "hardware for testbed and support vessel", () if centre else map(_hardware, devices)),
         _table(9, "endpoints of the control centre", map(_hardware, devices) if centre else ()),
-        _table(31, "tested devices", ((*_hardware(item), checklist) for item in tested)),
+        _table(31, "tested devices", ((*_hardware(item), checklist) for item in tested_devices)),
         _table(32, "package inventory of the gateway computer", packages),
     )
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.links.lte.routeros import monitor_query
 from atlantis_netcfg.operations.links.session import command, rows
-from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, masked
+from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord, mask_number
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
@@ -33,9 +33,9 @@ _MENUS: Mapping[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
     "leases": ("/ip/dhcp-server/lease", ("active-address", "active-mac-address", "host-name"), ("?status=bound",)),
 }
 """What is read: menu, properties, and which rows."""
-_NEEDED = ("resource", "interfaces")
+_REQUIRED_MENUS = ("resource", "interfaces")
 """Menus that every RouterOS has: one that is refused leaves a hole in the record."""
-_CALLED = ("identity", "board", "version")
+_NAME_KEYS = ("identity", "board", "version")
 _RADIOS = frozenset({"wlan", "wifi"})
 _PORTS = frozenset({"ether", "lte", *_RADIOS})
 _TRUE = frozenset({"true", "yes"})
@@ -63,24 +63,28 @@ def questions(ports: Sequence[str], modem: str | None) -> tuple[Command, ...]:
 
 
 def read(
-    replies: Sequence[Reply], ports: Sequence[str], modem: str | None, mask: NumberMask, declared: Mapping[str, str]
+    replies: Sequence[Reply],
+    ports: Sequence[str],
+    modem: str | None,
+    mask: NumberMask,
+    host_by_address: Mapping[str, str],
 ) -> RouterOsFacts:
-    """Read the answers to `questions`, in their order; `declared`: MAC or address to the host or link that has it."""
+    """Read the answers to `questions`, in their order; `host_by_address`: MAC or address to its host or link."""
     menus = dict(zip(_MENUS, replies, strict=False))
     links = dict(zip(ports, replies[len(_MENUS) :], strict=False))
-    found = {name: rows(reply) or () for name, reply in menus.items()}
-    system = _first(found["resource"]) | _first(found["board"])
-    monitored = replies[len(_MENUS) + len(ports)] if modem is not None else None
-    interfaces = [row for row in found["interfaces"] if row.get("type") in _PORTS and "default-name" in row]
-    known = _joined(found, declared)
-    made = tuple(_port(row, links.get(row["default-name"]), known) for row in interfaces)
+    rows_by_menu = {name: rows(reply) or () for name, reply in menus.items()}
+    system = _first(rows_by_menu["resource"]) | _first(rows_by_menu["board"])
+    monitor_reply = replies[len(_MENUS) + len(ports)] if modem is not None else None
+    interfaces = [row for row in rows_by_menu["interfaces"] if row.get("type") in _PORTS and "default-name" in row]
+    neighbours = _merge_neighbours(rows_by_menu, host_by_address)
+    port_records = tuple(_port(row, links.get(row["default-name"]), neighbours) for row in interfaces)
     names = {row.get("name") for row in interfaces}
     return RouterOsFacts(
-        facts={**_system(system), **_modem(monitored, mask)},
-        ports=made,
-        elsewhere=tuple(item.shown for item in known if item.interface not in names),
-        missing=tuple(_refusals(menus, _NEEDED)),
-        notes=tuple(_notes(found, menus, interfaces)),
+        facts={**_system(system), **_modem(monitor_reply, mask)},
+        ports=port_records,
+        elsewhere=tuple(item.record for item in neighbours if item.interface not in names),
+        missing=tuple(_refusals(menus, _REQUIRED_MENUS)),
+        notes=tuple(_notes(rows_by_menu, menus, interfaces)),
     )
 
 
@@ -117,13 +121,13 @@ def _modem(reply: Reply | None, mask: NumberMask) -> dict[str, Fact]:
     row = _first(rows(reply) or ())
     silent = "the modem does not say it now"
     model = " ".join(row[name] for name in ("manufacturer", "model") if row.get(name))
-    numbers = {name: masked(row[name], mask) if row.get(name) else None for name in ("imei", "iccid")}
-    named = {"modem": _fact(model, silent), "modem_firmware": _fact(row.get("revision"), silent)}
-    return named | {name: _fact(number, silent) for name, number in numbers.items()}
+    numbers = {name: mask_number(row[name], mask) if row.get(name) else None for name in ("imei", "iccid")}
+    modem_facts = {"modem": _fact(model, silent), "modem_firmware": _fact(row.get("revision"), silent)}
+    return modem_facts | {name: _fact(number, silent) for name, number in numbers.items()}
 
 
 @dataclass(slots=True)
-class _Found:
+class _NeighbourReading:
     """One MAC, as the menus have it."""
 
     mac: str
@@ -131,74 +135,78 @@ class _Found:
     by: list[str] = field(default_factory=list)
     address: str | None = None
     name: str | None = None
-    declared: str | None = None
+    declared_host: str | None = None
 
     @property
-    def shown(self) -> PortNeighbour:
+    def record(self) -> PortNeighbour:
         return PortNeighbour(
-            mac=self.mac, by=tuple(self.by), address=self.address, name=self.name, declared=self.declared
+            mac=self.mac, by=tuple(self.by), address=self.address, name=self.name, declared=self.declared_host
         )
 
 
-def _joined(found: Mapping[str, Sequence[Row]], declared: Mapping[str, str]) -> list[_Found]:
+def _merge_neighbours(
+    rows_by_menu: Mapping[str, Sequence[Row]], host_by_address: Mapping[str, str]
+) -> list[_NeighbourReading]:
     """Everybody who was heard, once; the bridge's word for the port counts before that of ARP, which has the bridge."""
-    everyone: dict[str, _Found] = {}
-    for each in _met(found):
+    everyone: dict[str, _NeighbourReading] = {}
+    for each in _find_neighbours(rows_by_menu):
         item = everyone.setdefault(each.mac, each)
         item.by = list(dict.fromkeys((*item.by, *each.by)))
         item.interface = item.interface or each.interface
         item.address = item.address or each.address
         item.name = item.name or each.name
     for item in everyone.values():
-        item.declared = declared.get(item.mac) or declared.get(item.address or "")
+        item.declared_host = host_by_address.get(item.mac) or host_by_address.get(item.address or "")
     return sorted(everyone.values(), key=lambda item: item.mac)
 
 
-def _met(found: Mapping[str, Sequence[Row]]) -> Iterator[_Found]:
+def _find_neighbours(rows_by_menu: Mapping[str, Sequence[Row]]) -> Iterator[_NeighbourReading]:
     """Each row as one who was heard, the menus in the order in which they are believed."""
-    for row in found["bridge"]:
+    for row in rows_by_menu["bridge"]:
         if row.get("mac-address") and row.get("local") not in _TRUE:
-            yield _Found(row["mac-address"].upper(), row.get("on-interface", ""), ["bridge"])
-    for row in found["discovered"]:
+            yield _NeighbourReading(row["mac-address"].upper(), row.get("on-interface", ""), ["bridge"])
+    for row in rows_by_menu["discovered"]:
         if row.get("mac-address"):
             # A port of a bridge is named with it: `ether4,bridge-lan`.
             port, name = (
                 row.get("interface", "").partition(",")[0],
-                " ".join(row[key] for key in _CALLED if row.get(key)),
+                " ".join(row[key] for key in _NAME_KEYS if row.get(key)),
             )
             by = ["neighbour discovery"]
-            yield _Found(row["mac-address"].upper(), port, by, row.get("address") or None, name or None)
-    for row in found["leases"]:
+            yield _NeighbourReading(row["mac-address"].upper(), port, by, row.get("address") or None, name or None)
+    for row in rows_by_menu["leases"]:
         if row.get("active-mac-address"):
             mac, address = row["active-mac-address"].upper(), row.get("active-address")
-            yield _Found(mac, "", ["DHCP lease"], address, row.get("host-name") or None)
-    for row in found["arp"]:
+            yield _NeighbourReading(mac, "", ["DHCP lease"], address, row.get("host-name") or None)
+    for row in rows_by_menu["arp"]:
         if row.get("mac-address") and row.get("complete", "true") in _TRUE:
-            yield _Found(row["mac-address"].upper(), row.get("interface", ""), ["ARP"], row.get("address"))
+            yield _NeighbourReading(row["mac-address"].upper(), row.get("interface", ""), ["ARP"], row.get("address"))
 
 
-def _port(row: Row, monitored: Reply | None, known: Sequence[_Found]) -> PortRecord:
-    status = _first(rows(monitored) or ()) if monitored is not None else {}
+def _port(row: Row, monitor_reply: Reply | None, neighbours: Sequence[_NeighbourReading]) -> PortRecord:
+    status = _first(rows(monitor_reply) or ()) if monitor_reply is not None else {}
     link = {"link-ok": Link.UP, "no-link": Link.DOWN}.get(status.get("status", ""))
     if link is None:
         link = Link.UNKNOWN if "running" not in row else Link.UP if row["running"] in _TRUE else Link.DOWN
-    called = row.get("name", row["default-name"])
+    port_name = row.get("name", row["default-name"])
     return PortRecord(
         name=row["default-name"],
         mac=(row.get("mac-address") or "").upper() or None,
         link=link,
         speed=status.get("rate") if link is Link.UP else None,
-        neighbours=tuple(item.shown for item in known if item.interface == called),
+        neighbours=tuple(item.record for item in neighbours if item.interface == port_name),
     )
 
 
-def _notes(found: Mapping[str, Sequence[Row]], menus: Mapping[str, Reply], interfaces: Sequence[Row]) -> Iterator[str]:
+def _notes(
+    rows_by_menu: Mapping[str, Sequence[Row]], menus: Mapping[str, Reply], interfaces: Sequence[Row]
+) -> Iterator[str]:
     """Why less was heard than could be."""
-    listens = _first(found["discovery"]).get("discover-interface-list")
+    listens = _first(rows_by_menu["discovery"]).get("discover-interface-list")
     if listens == "none":
         yield "neighbour discovery is off on the device, so that nobody tells it a name"
     yield from _refusals(menus, ("board", "bridge", "arp"))
-    renamed = [
+    rename_notes = [
         f"{row['default-name']} is called {row['name']}" for row in interfaces if row["default-name"] != row["name"]
     ]
-    yield from renamed
+    yield from rename_notes

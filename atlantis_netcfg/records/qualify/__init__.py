@@ -23,9 +23,9 @@ def write_pages(folder: Path) -> QualifyRecord:
     from atlantis_netcfg.runs import os_errors_as, write_atomically  # noqa: PLC0415 - a page takes long to import
 
     record, samples = made_anew(folder)
-    drawn = plots(record, samples)
+    drawings = plots(record, samples)
     keep_record(folder, record)
     with os_errors_as("the page of the measurement", folder):
-        write_atomically(folder / PAGE_FILE, html(record, drawn))
-        write_atomically(folder / PAPER_FILE, pdf(record, drawn))
+        write_atomically(folder / PAGE_FILE, html(record, drawings))
+        write_atomically(folder / PAPER_FILE, pdf(record, drawings))
     return record

@@ -10,9 +10,9 @@ from markupsafe import Markup
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
+from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, wrap_row
 from atlantis_netcfg.records.qualify.sections import (
-    EMULATED,
+    EMULATED_NOTICE,
     FigureTable,
     PageSection,
     closing,
@@ -51,34 +51,34 @@ STYLES: Final = {
 }
 
 
-def rows(record: QualifyRecord, kept: str) -> Iterator[Row]:
-    """Every line of a screen; `kept`: where the run is."""
-    yield Styled(translate(heading(record)), Style.TITLE)
+def rows(record: QualifyRecord, location: str) -> Iterator[Row]:
+    """Every line of a screen; `location`: where the run is."""
+    yield StyledText(translate(heading(record)), Style.TITLE)
     yield translate(subtitle(record))
     if record.run.emulated:
-        yield Styled(translate(EMULATED), Style.WARNING)
+        yield StyledText(translate(EMULATED_NOTICE), Style.WARNING)
     for section in sections(record):
         yield ""
-        yield Styled(translate(section.title), Style.TITLE)
+        yield StyledText(translate(section.title), Style.TITLE)
         for note in section.notes:
-            yield from wrapped(f"  {translate(note)}", NARROW, _INDENT)
+            yield from wrap_row(f"  {translate(note)}", NARROW, _INDENT)
         if section.key == "verdicts":
             yield from _judgements(record)
         elif section.table is not None:
             yield from table_rows(section.table)
     yield ""
-    yield from wrapped(translate(f"kept: {kept}"), NARROW, _INDENT)
+    yield from wrap_row(translate(f"kept: {location}"), NARROW, _INDENT)
     words = f": {translate(closing(record))}"
-    yield from wrapped((Styled(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
+    yield from wrap_row((StyledText(record.verdict.value, STYLES[record.verdict]), words), NARROW, _INDENT)
 
 
 def _judgements(record: QualifyRecord) -> Iterator[Row]:
     table = next(section.table for section in sections(record) if section.key == "verdicts")
-    for criterion, measured, limit, verdict, reason in () if table is None else table.rows:
+    for criterion, value, limit, verdict, reason in () if table is None else table.rows:
         why = "" if verdict == Verdict.PASS else f"; {translate(reason)}"
         limits = translate(f"limit {limit}")
-        words = f"{translate(criterion)}: {translate(measured)}, {limits}{why}"
-        yield from wrapped(("  ", Styled(f"{verdict:<13}", STYLES[Verdict(verdict)]), words), NARROW, 15)
+        words = f"{translate(criterion)}: {translate(value)}, {limits}{why}"
+        yield from wrap_row(("  ", StyledText(f"{verdict:<13}", STYLES[Verdict(verdict)]), words), NARROW, 15)
 
 
 def table_rows(table: FigureTable) -> Iterator[Row]:
@@ -86,30 +86,30 @@ def table_rows(table: FigureTable) -> Iterator[Row]:
     cells = [[*map(translate, table.columns)], *(in_words(table, row) for row in table.rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     if len(widths) == 2:  # noqa: PLR2004 - a name and a value
-        yield from (line for name, value in cells[1:] for line in _labelled(name, value))
+        yield from (line for name, value in cells[1:] for line in _label_rows(name, value))
     elif sum(widths[:-1]) + len(widths) + min(widths[-1], _LAST) + 1 <= NARROW:
         indent = sum(widths[:-1]) + len(widths) + 1
         words = table.columns[-1] in _IN_WORDS
         for row in cells:
-            aligned = [f"{cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True)]
-            last = row[-1] if words else aligned[-1]
-            yield from wrapped(f"  {' '.join((f'{row[0]:<{widths[0]}}', *aligned[:-1], last))}", NARROW, indent)
+            padded_cells = [f"{cell:>{width}}" for cell, width in zip(row[1:], widths[1:], strict=True)]
+            last = row[-1] if words else padded_cells[-1]
+            yield from wrap_row(f"  {' '.join((f'{row[0]:<{widths[0]}}', *padded_cells[:-1], last))}", NARROW, indent)
     else:
         for row in cells[1:]:
             pairs = (f"{column} {cell}" for column, cell in zip(cells[0][1:], row[1:], strict=True))
-            yield from wrapped(f"  {row[0]}: {'; '.join(pairs)}", NARROW, _INDENT + 2)
+            yield from wrap_row(f"  {row[0]}: {'; '.join(pairs)}", NARROW, _INDENT + 2)
 
 
 def in_words(table: FigureTable, row: Sequence[str]) -> list[str]:
     """A row in the language of the person; names stay as they are."""
-    return [cell if table.named and not place else translate(cell) for place, cell in enumerate(row)]
+    return [cell if table.has_names and not place else translate(cell) for place, cell in enumerate(row)]
 
 
-def _labelled(name: str, value: str) -> Iterator[Row]:
+def _label_rows(name: str, value: str) -> Iterator[Row]:
     if len(value) > NARROW - _LABEL and " " not in value:
         yield from (f"  {name}", f"    {value}")
     else:
-        yield from wrapped(f"  {name:<{_LABEL - 3}} {value}", NARROW, _LABEL)
+        yield from wrap_row(f"  {name:<{_LABEL - 3}} {value}", NARROW, _LABEL)
 
 
 def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
@@ -121,7 +121,7 @@ def html(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
         style,
         heading=heading(record),
         subtitle=subtitle(record),
-        emulated=EMULATED if record.run.emulated else "",
+        emulated=EMULATED_NOTICE if record.run.emulated else "",
         verdict=record.verdict.value,
         closing=closing(record),
         sections=sections(record),
@@ -150,12 +150,12 @@ def pdf(record: QualifyRecord, plots: Sequence[Plot]) -> bytes:
         paper.tell(unread(), faint=True)
     paper.tell(translate(subtitle(record)), faint=True)
     if record.run.emulated:
-        paper.tell(translate(EMULATED), size=13, bold=True)
+        paper.tell(translate(EMULATED_NOTICE), size=13, bold=True)
     paper.tell(f"{record.verdict.value}: {translate(closing(record))}", size=11, bold=True)
     by_name = {plot.name: plot for plot in plots}
     for section in sections(record):
         _on_paper(paper, section, [by_name[name] for name in section.plots if name in by_name])
-    return paper.written()
+    return paper.to_bytes()
 
 
 def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None:
@@ -176,7 +176,7 @@ def _on_paper(paper: Paper, section: PageSection, plots: Sequence[Plot]) -> None
         height = _PLOT_MM * plot.height / plot.width
         paper.set_y(paper.y + 3)
         paper.room(height)
-        paper.image(io.BytesIO(plot.svg(FAMILY, described=False).encode()), x=paper.l_margin, w=_PLOT_MM)
+        paper.image(io.BytesIO(plot.svg(FAMILY, has_description=False).encode()), x=paper.l_margin, w=_PLOT_MM)
 
 
 def _widths(table: FigureTable) -> tuple[int, ...]:

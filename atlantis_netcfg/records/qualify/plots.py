@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 WIDTH, HEIGHT = 560.0, 250.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 16.0, 46.0, 40.0
 _INK, _FAINT, _RULE, _PAPER = "#1c2730", "#4b5863", "#d5dbe0", "#ffffff"
-_FIRST, _SECOND, _LOST = "#0b4470", "#a85400", "#8c0c12"
+_FIRST, _SECOND, _LOSS = "#0b4470", "#a85400", "#8c0c12"
 _DASHES: Final = "5 3"
 _LOG_FROM: Final = 20.0
 """An axis is logarithmic where its greatest value is so many times its least."""
@@ -54,12 +54,12 @@ class Plot:
     height: float
     width: float = WIDTH
 
-    def svg(self, family: str = FAMILY_ON_PAGE, *, described: bool = True) -> str:
-        """Give it as text; `described`: with title and description, which fpdf2 does not know."""
+    def svg(self, family: str = FAMILY_ON_PAGE, *, has_description: bool = True) -> str:
+        """Give it as text; `has_description`: with title and description, which fpdf2 does not know."""
         root = ET.fromstring(ET.tostring(self.root))  # noqa: S314 - a copy of what was made here
         root.set("font-family", family)
         for child in [*root]:
-            if not described and child.tag.rpartition("}")[2] in {"title", "desc"}:
+            if not has_description and child.tag.rpartition("}")[2] in {"title", "desc"}:
                 root.remove(child)
         ET.register_namespace("", "http://www.w3.org/2000/svg")
         return ET.tostring(root, encoding="unicode", short_empty_elements=True)
@@ -102,7 +102,7 @@ class _Axis:
     ticks: list[float] = field(default_factory=list)
 
     @classmethod
-    def made(  # noqa: PLR0913 - what a scale is made of
+    def build(  # noqa: PLR0913 - what a scale is made of
         cls, low: float, high: float, begin: float, end: float, *, may_be_log: bool = False, whole: bool = False
     ) -> _Axis:
         if may_be_log and low > 0 and high / low > _LOG_FROM:
@@ -146,14 +146,14 @@ class _Chart:
         self.shape("rect", x=0.5, y=0.5, width=WIDTH - 1, height=height - 1, fill=_PAPER, stroke=_RULE)
         self.text(10, 18, self.title, size=12, anchor="start", weight="bold")
         if self.emulated:
-            self.text(WIDTH - 10, 18, self.emulated, size=11, anchor="end", weight="bold", fill=_LOST)
+            self.text(WIDTH - 10, 18, self.emulated, size=11, anchor="end", weight="bold", fill=_LOSS)
 
     def shape(self, tag: str, **attributes: str | float) -> ET.Element:
-        given = {
+        svg_attributes = {
             name.replace("_", "-"): value if isinstance(value, str) else f"{value:.2f}".rstrip("0").rstrip(".")
             for name, value in attributes.items()
         }
-        return ET.SubElement(self.root, tag, given)
+        return ET.SubElement(self.root, tag, svg_attributes)
 
     def text(  # noqa: PLR0913 - what a text is made of
         self,
@@ -166,10 +166,10 @@ class _Chart:
         weight: str = "normal",
         fill: str = _INK,
     ) -> None:
-        made = self.shape(
+        element = self.shape(
             "text", x=x, y=y, font_size=size, text_anchor=anchor, font_weight=weight, fill=fill, stroke="none"
         )
-        made.text = clean(words)
+        element.text = clean(words)
 
     def path(self, steps: Iterable[str], colour: str, *, dashes: str = "", width: float = 1.6) -> None:
         data = "".join(steps)
@@ -205,22 +205,22 @@ def _over_time(record: QualifyRecord, name: str, load: str, points: Sequence[tup
     """Each column spans the least and the greatest round trip of its time, so that no peak is lost."""
     chart = _Chart(record, f"Round trips over time, {load}")
     left, right, bottom, top = _frame()
-    answered = [(at, rtt) for at, rtt in points if rtt is not None]
+    answered_points = [(at, rtt) for at, rtt in points if rtt is not None]
     silent = [at for at, rtt in points if rtt is None]
-    x = _Axis.made(0, max(points[-1][0], 1.0), left, right)
-    y = _Axis.made(0, max((rtt for _, rtt in answered), default=1.0), bottom, top + 8)
+    x = _Axis.build(0, max(points[-1][0], 1.0), left, right)
+    y = _Axis.build(0, max((rtt for _, rtt in answered_points), default=1.0), bottom, top + 8)
     chart.axes(x, y, "seconds since the first packet", "seconds")
     columns: dict[int, tuple[float, float]] = {}
-    for at, rtt in answered:
+    for at, rtt in answered_points:
         low, high = columns.get(round(x.at(at)), (rtt, rtt))
         columns[round(x.at(at))] = min(low, rtt), max(high, rtt)
     chart.path((_column(place, y.at(low), y.at(high)) for place, (low, high) in columns.items()), _FIRST)
     ticks = dict.fromkeys(round(x.at(at)) for at in silent)
-    chart.path((f"M{place},{top}V{top + 6}" for place in ticks), _LOST)
-    words = f"{len(answered)} of {len(points)} packets were answered."
+    chart.path((f"M{place},{top}V{top + 6}" for place in ticks), _LOSS)
+    words = f"{len(answered_points)} of {len(points)} packets were answered."
     if silent:
-        chart.text(right, 34, translate(f"unanswered: {len(silent)}, ticks at the top"), anchor="end", fill=_LOST)
-    return chart.plot(name, [words, *_percentile_words(sorted(rtt for _, rtt in answered))])
+        chart.text(right, 34, translate(f"unanswered: {len(silent)}, ticks at the top"), anchor="end", fill=_LOSS)
+    return chart.plot(name, [words, *_percentile_words(sorted(rtt for _, rtt in answered_points))])
 
 
 def _column(place: int, low: float, high: float) -> str:
@@ -228,10 +228,10 @@ def _column(place: int, low: float, high: float) -> str:
     return f"M{place},{middle - half:.1f}V{middle + half:.1f}"
 
 
-def _percentile_words(ordered: Sequence[float]) -> list[str]:
-    if not ordered:
+def _percentile_words(sorted_values: Sequence[float]) -> list[str]:
+    if not sorted_values:
         return []
-    return [f"Least round trip {ordered[0]:.3f} s, greatest {ordered[-1]:.3f} s."]
+    return [f"Least round trip {sorted_values[0]:.3f} s, greatest {sorted_values[-1]:.3f} s."]
 
 
 def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]) -> Plot:
@@ -239,7 +239,7 @@ def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]
     chart = _Chart(record, "Round trips: share that is not longer")
     left, right, bottom, top = _frame()
     low, high = min(values[0] for _, values in series), max(values[-1] for _, values in series)
-    x = _Axis.made(low, high, left, right, may_be_log=True)
+    x = _Axis.build(low, high, left, right, may_be_log=True)
     y = _Axis(0, 100, bottom, top + 8, ticks=[0, 25, 50, 75, 90, 100])
     chart.axes(x, y, "seconds", "%")
     words = []
@@ -254,14 +254,14 @@ def _shares(record: QualifyRecord, series: Sequence[tuple[str, Sequence[float]]]
     return chart.plot("shares", words)
 
 
-def _steps(ordered: Sequence[float], x: _Axis, y: _Axis) -> Iterable[str]:
+def _steps(sorted_values: Sequence[float], x: _Axis, y: _Axis) -> Iterable[str]:
     """Yield a staircase, a step for each column of the drawing."""
-    yield f"M{x.at(ordered[0]):.1f},{y.at(0):.1f}"
+    yield f"M{x.at(sorted_values[0]):.1f},{y.at(0):.1f}"
     last: dict[int, int] = {}
-    for number, value in enumerate(ordered, start=1):
+    for number, value in enumerate(sorted_values, start=1):
         last[round(x.at(value))] = number
     for place, number in last.items():
-        yield f"H{place}V{y.at(100 * number / len(ordered)):.1f}"
+        yield f"H{place}V{y.at(100 * number / len(sorted_values)):.1f}"
 
 
 def _bars(chart: _Chart, bars: Sequence[tuple[str, float | None, str]], y: _Axis) -> None:
@@ -287,7 +287,7 @@ def _gaps(record: QualifyRecord, train: TrainFigures) -> Plot:
     for (limit, count), (upper, more) in pairwise(above):
         label = f"{limit} to {upper} s" if upper is not None else f"more than {limit} s"
         bars.append((translate(label), float(count - more), str(count - more)))
-    y = _Axis.made(0, max((value or 0 for _, value, _ in bars), default=0), bottom, top + 14, whole=True)
+    y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0), bottom, top + 14, whole=True)
     chart.axes(_Axis(0, 1, left, right), y, "length of the gap", "number")
     _bars(chart, bars, y)
     end = " It had not ended when the train did." if train.gaps.open_end and train.gaps.above[0][1] else ""
@@ -307,7 +307,7 @@ def _losses(record: QualifyRecord, trains: Sequence[tuple[str, TrainFigures]]) -
             percent = None if share is None else 100 * share
             words = translate("not known") if percent is None else f"{percent:.2f} %"
             bars.append((translate(way), percent, words))
-    y = _Axis.made(0, max((value or 0 for _, value, _ in bars), default=0) or 1.0, bottom, top + 14)
+    y = _Axis.build(0, max((value or 0 for _, value, _ in bars), default=0) or 1.0, bottom, top + 14)
     chart.axes(_Axis(0, 1, left, right), y, "direction of the packets", "%")
     _bars(chart, bars, y)
     return chart.plot("loss", [f"{label}: {words}." for label, _, words in bars])

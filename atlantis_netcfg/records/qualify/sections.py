@@ -48,7 +48,7 @@ class FigureTable:
 
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
-    named: bool = False
+    has_names: bool = False
     """The first cells are names, which nobody translates."""
 
 
@@ -75,11 +75,11 @@ def subtitle(record: QualifyRecord) -> str:
 
 def closing(record: QualifyRecord) -> str:
     """How it ended, in a sentence; the verdict stands before it."""
-    judged = [item.verdict for item in record.judgements]
-    if not judged:
+    verdicts = [item.verdict for item in record.judgements]
+    if not verdicts:
         return "nothing was judged: the run has no round trips without load"
-    passed = judged.count(Verdict.PASS)
-    words = f"{passed} of {len(judged)} criteria of `{record.thresholds_name}` hold"
+    pass_count = verdicts.count(Verdict.PASS)
+    words = f"{pass_count} of {len(verdicts)} criteria of `{record.thresholds_name}` hold"
     way = (
         "the traffic left by this link" if record.run.way is Verdict.PASS else "that it left by this link is not proved"
     )
@@ -89,23 +89,25 @@ def closing(record: QualifyRecord) -> str:
     return f"{words}; {way}{short}{'; over an emulated link' if record.run.emulated else ''}"
 
 
-EMULATED: Final = "EMULATED LINK: these figures say nothing of a real one."
+EMULATED_NOTICE: Final = "EMULATED LINK: these figures say nothing of a real one."
 
 
 def sections(record: QualifyRecord) -> list[PageSection]:
     """Everything, in the order in which a person wants to know it."""
-    found = [_verdicts(record), _way(record), _figures(record), _load(record)]
+    page_sections = [_verdicts(record), _way(record), _figures(record), _load(record)]
     if record.telemetry:
         title = "Small telemetry, as Table 33 of the report may have been"
-        found.append(
+        page_sections.append(
             PageSection("telemetry", title, (record.grid_note, _LOSSES), _grid(record.telemetry), ("telemetry",))
         )
     if record.images:
         title = "Images, as Table 34 of the report may have been"
-        found.append(PageSection("images", title, (record.grid_note, _LOSSES), _grid(record.images), ("images",)))
+        page_sections.append(
+            PageSection("images", title, (record.grid_note, _LOSSES), _grid(record.images), ("images",))
+        )
     if record.highest_rates:
-        found.append(_highest(record))
-    return [*found, _used(record), _circumstances(record)]
+        page_sections.append(_highest(record))
+    return [*page_sections, _used(record), _circumstances(record)]
 
 
 def _verdicts(record: QualifyRecord) -> PageSection:
@@ -154,7 +156,10 @@ def _way(record: QualifyRecord) -> PageSection:
         whose = "this computer's tunnel" if run.far_end.over_vpn else "this run"
         notes.append(f"By the router's counters: packets of {whose}, and all bytes that passed the port meanwhile.")
     return PageSection(
-        "way", "Which link carried it", tuple(notes), FigureTable(_COLUMNS["way"], rows, named=True) if rows else None
+        "way",
+        "Which link carried it",
+        tuple(notes),
+        FigureTable(_COLUMNS["way"], rows, has_names=True) if rows else None,
     )
 
 
@@ -249,8 +254,8 @@ def _load(record: QualifyRecord) -> PageSection:
         for row in record.load
     )
     why = f" ({run.path_mtu_reason})" if run.path_mtu_reason else ""
-    known = (run.path_mtu_up, run.path_mtu_both)
-    mtu = f"Path MTU: up {_octets(known[0])}, both ways {_octets(known[1])}{why}."
+    path_mtus = (run.path_mtu_up, run.path_mtu_both)
+    mtu = f"Path MTU: up {_octets(path_mtus[0])}, both ways {_octets(path_mtus[1])}{why}."
     doubts = [f"Goodput {_DIRECTIONS[row.way]}: {row.verdict.value}: {row.doubt}." for row in record.load if row.doubt]
     notes = [mtu, *doubts, *([] if rows else ["Goodput was not measured."])]
     return PageSection(
@@ -311,7 +316,7 @@ def _money(price: Decimal | None, run: MeasuredRun) -> str:
 
 def _used(record: QualifyRecord) -> PageSection:
     run = record.run
-    lasted = None if run.ended is None else (run.ended - run.begun).total_seconds()
+    duration_s = None if run.ended is None else (run.ended - run.begun).total_seconds()
     money = UNKNOWN if run.price is None else f"{run.price} {run.currency or ''}".rstrip()
     rows = [
         ("bytes sent, by this computer", str(run.sent_bytes)),
@@ -321,7 +326,7 @@ def _used(record: QualifyRecord) -> PageSection:
             UNKNOWN if record.mb_per_hour is None else f"{record.mb_per_hour:.1f} MB/h",
         ),
         ("price of this run", money),
-        ("it lasted", UNKNOWN if lasted is None else f"{lasted:.0f} s"),
+        ("it lasted", UNKNOWN if duration_s is None else f"{duration_s:.0f} s"),
         ("it ended because", run.reason),
     ]
     limits = run.budget

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled, wrapped
+from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, wrap_row
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.links.qualify.compare import HEADLINES, FigureTrend
 from atlantis_netcfg.records.qualify.pages import STYLES
@@ -23,39 +23,40 @@ _MARGIN = 6
 
 
 def _title(record: QualifyRecord) -> str:
-    emulated = "; over an emulated link" if record.run.emulated else ""
-    return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{emulated}"
+    suffix = "; over an emulated link" if record.run.emulated else ""
+    return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{suffix}"
 
 
 def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: RunComparison) -> Iterator[Row]:
     """Every line of a screen on which two runs stand beside each other."""
     for name, record in (("A", first), ("B", second)):
-        verdict = Styled(record.verdict.value, STYLES[record.verdict])
-        yield from wrapped((f"{name}  ", verdict, f"  {translate(_title(record))}"), NARROW, _MARGIN)
+        verdict = StyledText(record.verdict.value, STYLES[record.verdict])
+        yield from wrap_row((f"{name}  ", verdict, f"  {translate(_title(record))}"), NARROW, _MARGIN)
     for remark in comparison.remarks:
-        yield from wrapped((Styled("!  ", Style.WARNING), translate(remark)), NARROW, 3)
+        yield from wrap_row((StyledText("!  ", Style.WARNING), translate(remark)), NARROW, 3)
     yield ""
     yield f"{translate('figure'):<26}{'A':>13}{'B':>13}{'B - A':>9}"
     for item in comparison.figures:
         values = "".join(f"{translate(in_unit(value, item.unit)):>13}" for value in (item.first, item.second))
         difference = "" if item.difference is None else f"{100 * item.difference:+.0f} %"
-        word = Styled(translate(item.change.value), _CHANGES.get(item.change, Style.QUIET))
+        word = StyledText(translate(item.change.value), _CHANGES.get(item.change, Style.QUIET))
         yield f"{translate(item.title):<26}{values}{difference:>9}  ", word
     yield ""
     for fact in comparison.facts:
         both = (UNKNOWN if value is None else value for value in (fact.first, fact.second))
         first_words, second_words = map(translate, both)
         words = first_words if first_words == second_words else f"A: {first_words}; B: {second_words}"
-        yield from wrapped(f"{translate(fact.title)}: {words}", NARROW, _MARGIN)
+        yield from wrap_row(f"{translate(fact.title)}: {words}", NARROW, _MARGIN)
 
 
 def history_rows(records: Sequence[QualifyRecord]) -> Iterator[Row]:
     """Two lines a run, the oldest first: what it was, and its figures."""
-    shown = {item.key: item for item in HEADLINES if item.key in _HISTORY}
+    headline_by_key = {item.key: item for item in HEADLINES if item.key in _HISTORY}
     for record in records:
-        verdict = Styled(f"{record.verdict.value:<13}", STYLES[record.verdict])
-        yield from wrapped((verdict, translate(_title(record))), NARROW, _MARGIN)
+        verdict = StyledText(f"{record.verdict.value:<13}", STYLES[record.verdict])
+        yield from wrap_row((verdict, translate(_title(record))), NARROW, _MARGIN)
         words = (
-            f"{translate(item.title)} {translate(in_unit(item.value(record), item.unit))}" for item in shown.values()
+            f"{translate(item.title)} {translate(in_unit(item.value(record), item.unit))}"
+            for item in headline_by_key.values()
         )
-        yield from wrapped(f"      {'; '.join(words)}", NARROW, _MARGIN)
+        yield from wrap_row(f"      {'; '.join(words)}", NARROW, _MARGIN)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, nearest
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, nearest
 from atlantis_netcfg.records.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
 from atlantis_netcfg.records.survey.page import PAGE_FILE, html
 from atlantis_netcfg.records.survey.points import SURVEY_FILE, read_survey
@@ -39,12 +39,12 @@ def new_folder(folder: Path, now: datetime) -> Path:
 
 def kept_survey(folder: Path, name: str) -> Path:
     """The folder of a survey that was made before. Raises NothingMatched."""
-    known = [path.name for path in folder.iterdir() if (path / SURVEY_FILE).is_file()] if folder.is_dir() else []
-    if name in known:
+    names = [path.name for path in folder.iterdir() if (path / SURVEY_FILE).is_file()] if folder.is_dir() else []
+    if name in names:
         return folder / name
-    near = nearest(name, known)
-    there = f"there are: {', '.join(sorted(known)[-5:])}" if known else "there is none yet"
-    raise NothingMatched(f"no survey `{name}` is kept", hint=f"did you mean `from={near}`? {there}" if near else there)
+    near = nearest(name, names)
+    there = f"there are: {', '.join(sorted(names)[-5:])}" if names else "there is none yet"
+    raise NoMatchError(f"no survey `{name}` is kept", hint=f"did you mean `from={near}`? {there}" if near else there)
 
 
 def exports(survey: Survey, coast: Coast | None = None) -> Mapping[str, bytes]:
@@ -83,12 +83,12 @@ def outcome(survey: Survey) -> SurveyOutcome:
     """What of that which was meant to be measured was measured nowhere is said, and is not green."""
     if not survey.points:
         return SurveyOutcome(ExitCode.NOTHING, "no point was taken")
-    tested = [point for point in survey.points if point.rtt_median_s is not None]
+    tested_points = [point for point in survey.points if point.rtt_median_s is not None]
     levels = [point for point in survey.points if point.rsrp_dbm is not None]
-    lacks = [] if survey.placed else [f"no point has a position ({survey.points[-1].no_position})"]
+    lacks = [] if survey.placed_points else [f"no point has a position ({survey.points[-1].no_position})"]
     if not levels:
         lacks.append(f"the unit told no level ({survey.points[-1].no_radio or 'it does not say'})")
-    if survey.header.far_end is not None and not tested:
+    if survey.header.far_end is not None and not tested_points:
         reasons = list(dict.fromkeys(point.no_test for point in survey.points if point.no_test))
         lacks.append(f"no test over the link was answered ({', '.join(reasons)})")
     if lacks:

@@ -24,10 +24,10 @@ COLUMNS: Final = tuple(name for name in SurveyPoint.model_fields if name != "kin
 
 def geojson(survey: Survey) -> bytes:
     """A feature for each point, in the order longitude, latitude; one without a position has no geometry (3.2)."""
-    placed = [point.position for point in survey.placed if point.position is not None]
+    positions = [point.position for point in survey.placed_points if point.position is not None]
     document: dict[str, Any] = {"type": "FeatureCollection"}
-    if placed:
-        latitudes, longitudes = zip(*placed, strict=True)
+    if positions:
+        latitudes, longitudes = zip(*positions, strict=True)
         document["bbox"] = [min(longitudes), min(latitudes), max(longitudes), max(latitudes)]
     document["features"] = [_feature(point) for point in survey.points]
     document["survey"] = survey.header.model_dump(mode="json", exclude={"kind"}) | {"ended": survey.reason}
@@ -67,14 +67,14 @@ class Coast:
 
 
 SHIPPED_COAST: Final = "natural-earth"
-_SHIPPED: Final = Path(__file__).with_name("data") / "coast-viana.json"
+_SHIPPED_FILE: Final = Path(__file__).with_name("data") / "coast-viana.json"
 
 
 def named_coast(name: str) -> Coast:
     """The coast that `coast=` names: the shipped one, or a file. Raises UsageError."""
     if name != SHIPPED_COAST:
         return read_coast(Path(name))
-    return Coast("Natural Earth 1:10 million, up to about 1 km off", read_coast(_SHIPPED).lines)
+    return Coast("Natural Earth 1:10 million, up to about 1 km off", read_coast(_SHIPPED_FILE).lines)
 
 
 _DEPTHS: Final = {

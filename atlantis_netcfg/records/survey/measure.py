@@ -17,7 +17,7 @@ from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.grids import message_bytes, train_bytes
 from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.links.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, HMAC_TLV_SIZE
-from atlantis_netcfg.links.qualify.samples import MessageEnded, ReplyReceived
+from atlantis_netcfg.links.qualify.samples import MessageResult, ReplySample
 from atlantis_netcfg.links.qualify.session import SECOND, EndReason, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.records.survey.points import SurveyPoint
@@ -43,7 +43,7 @@ _LOOK_S: Final = 0.5
 ANOTHER_LINK: Final = "another link carries the traffic"
 BUDGET: Final = "the hourly budget"
 NO_ANSWER: Final = "nobody answers"
-STOPPED: Final = "it was stopped"
+STOP_REASON: Final = "it was stopped"
 NOT_CONFIRMED: Final = "the receiver did not confirm the message"
 NOTHING_SENT: Final = "nothing is sent"
 
@@ -154,49 +154,51 @@ class LinkTester:
         """Measure now; one that is stopped by Ctrl-C says so."""
         budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
         guard = BudgetGuard(budget, lambda: self.transport.now_ns() / SECOND, self.transport.headers)
-        found, stopped = self._train(guard, f"point-{number}")
-        if found.rtt_median_s is not None and not stopped:
-            rate, stopped = self._message(guard, f"point-{number}-load")
-            found = replace(found, goodput_up_bps=rate, no_test=NOT_CONFIRMED if rate is None else "")
-        reason = STOPPED if stopped else found.no_test
-        return replace(found, no_test=reason, test_bytes=guard.sent_bytes + guard.received_bytes)
+        sample, was_stopped = self._train(guard, f"point-{number}")
+        if sample.rtt_median_s is not None and not was_stopped:
+            rate, was_stopped = self._message(guard, f"point-{number}-load")
+            sample = replace(sample, goodput_up_bps=rate, no_test=NOT_CONFIRMED if rate is None else "")
+        reason = STOP_REASON if was_stopped else sample.no_test
+        return replace(sample, no_test=reason, test_bytes=guard.sent_bytes + guard.received_bytes)
 
     def _train(self, guard: BudgetGuard, name: str) -> tuple[TestSample, bool]:
-        taken: list[Sample] = []
+        samples: list[Sample] = []
         # The reflector's counters would be one more question: a few packets do not tell the direction of a loss.
-        train = Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, taken.append)
-        stopped = self._run(guard, train, taken, lambda: len(_answered(taken)) >= self.plan.train.packets)
-        figures = train_figures(taken, name)
-        found = TestSample(figures.loss.sent, figures.loss.lost, no_test=NO_ANSWER)
+        train = Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, samples.append)
+        was_stopped = self._run(
+            guard, train, samples, lambda: len(_answered_sequences(samples)) >= self.plan.train.packets
+        )
+        figures = train_figures(samples, name)
+        sample = TestSample(figures.loss.sent, figures.loss.lost, no_test=NO_ANSWER)
         if figures.rtt is not None:
             rtt = figures.rtt
-            found = replace(found, rtt_min_s=rtt.min, rtt_median_s=rtt.p50, rtt_max_s=rtt.max, no_test="")
-        return found, stopped
+            sample = replace(sample, rtt_min_s=rtt.min, rtt_median_s=rtt.p50, rtt_max_s=rtt.max, no_test="")
+        return sample, was_stopped
 
     def _message(self, guard: BudgetGuard, name: str) -> tuple[float | None, bool]:
-        taken: list[Sample] = []
-        message = MessageStream(name, self.plan.message, self.peer, self.transport, taken.append)
-        stopped = self._run(guard, message, taken, lambda: any(map(_ended, taken)))
-        figures = message_figures(taken, name)
-        return (None if figures is None or not figures.received else figures.busy_bps), stopped
+        samples: list[Sample] = []
+        message = MessageStream(name, self.plan.message, self.peer, self.transport, samples.append)
+        was_stopped = self._run(guard, message, samples, lambda: any(map(_is_complete, samples)))
+        figures = message_figures(samples, name)
+        return (None if figures is None or not figures.received_count else figures.busy_bps), was_stopped
 
     def _run(
-        self, guard: BudgetGuard, stream: PacketStream, taken: Sequence[Sample], complete: Callable[[], bool]
+        self, guard: BudgetGuard, stream: PacketStream, samples: Sequence[Sample], complete: Callable[[], bool]
     ) -> bool:
         """Run a stream until it is complete; whether a person has stopped it: `session.run` ends on Ctrl-C as well."""
         reason = run(self.transport, self.peer, [stream], guard, stop=complete)
-        for sample in taken:
+        for sample in samples:
             self.write(sample)
         return reason == EndReason.STOPPED and not complete()
 
 
-def _ended(sample: Sample) -> bool:
+def _is_complete(sample: Sample) -> bool:
     """Whether a message has come to its end by itself."""
-    return isinstance(sample, MessageEnded) and not sample.in_flight
+    return isinstance(sample, MessageResult) and not sample.in_flight
 
 
-def _answered(samples: Sequence[Sample]) -> set[int]:
-    return {sample.sequence for sample in samples if isinstance(sample, ReplyReceived)}
+def _answered_sequences(samples: Sequence[Sample]) -> set[int]:
+    return {sample.sequence for sample in samples if isinstance(sample, ReplySample)}
 
 
 @dataclass(slots=True)
@@ -228,7 +230,7 @@ class RunningSurvey:
         self.begin()
         try:
             while not self._over():
-                if self._due() and self.take().no_test == STOPPED:
+                if self._due() and self.take().no_test == STOP_REASON:
                     return EndReason.STOPPED
                 self.clock.wait(_LOOK_S)
         except KeyboardInterrupt:
@@ -266,7 +268,7 @@ class RunningSurvey:
             **self._position(here),
             **_fields(radio),
             **_fields(test),
-            moved_m=self._moved(here) if test.sent is not None else None,
+            moved_m=self._distance_moved(here) if test.sent is not None else None,
         )
         self.points.append(point)
         self.write(point)
@@ -279,7 +281,7 @@ class RunningSurvey:
         place = {"latitude": round(here.latitude, 7), "longitude": round(here.longitude, 7), "place": here.place}
         return {**place, "fix_age_s": here.age_s, "hdop": here.hdop}
 
-    def _moved(self, here: TrackPosition | str) -> float | None:
+    def _distance_moved(self, here: TrackPosition | str) -> float | None:
         there = self.positions.position()
         if not isinstance(here, TrackPosition) or not isinstance(there, TrackPosition):
             return None
@@ -314,16 +316,16 @@ def steps(text: str | None) -> tuple[float | None, float]:
     plan = SurveyPlan()
     if text is None:
         return plan.step_m, plan.step_s
-    found = [_STEP.fullmatch(part.strip()) for part in text.split(",")]
-    named = {match[2]: float(match[1]) for match in found if match is not None}
-    if None in found or len(named) != len(found):
+    matches = [_STEP.fullmatch(part.strip()) for part in text.split(",")]
+    step_by_unit = {match[2]: float(match[1]) for match in matches if match is not None}
+    if None in matches or len(step_by_unit) != len(matches):
         raise UsageError(f"`every={text}` is no step", hint="type metres, seconds, or both: `every=50m,30s`")
-    if named.get("s", _LEAST_S) < _LEAST_S or named.get("m", _LEAST_M) < _LEAST_M:
+    if step_by_unit.get("s", _LEAST_S) < _LEAST_S or step_by_unit.get("m", _LEAST_M) < _LEAST_M:
         raise UsageError(
             f"`every={text}` is too often",
             hint=f"at least {_LEAST_S:g} s and {_LEAST_M:g} m: the unit is read each time",
         )
-    return named.get("m"), named.get("s", plan.step_s)
+    return step_by_unit.get("m"), step_by_unit.get("s", plan.step_s)
 
 
 def hourly_bytes(text: str) -> int:

@@ -69,7 +69,7 @@ class BandScale:
             yield f"{low:g} to {high:g} {unit}"
         yield f"below {last:g} {unit}" if self.falls else f"above {last:g} {unit}"
 
-    def shown(self, point: SurveyPoint) -> float | None:
+    def get_value(self, point: SurveyPoint) -> float | None:
         """The value of a point in the unit of the scale."""
         value = getattr(point, self.name)
         return None if value is None else float(value) * self.factor
@@ -163,21 +163,21 @@ def layers(survey: Survey, frame: MapFrame) -> tuple[ValueLayer, ...]:
 
 def _by_scale(survey: Survey, frame: MapFrame, scale: BandScale) -> ValueLayer:
     marks = []
-    for point in survey.placed:
-        value = scale.shown(point)
+    for point in survey.placed_points:
+        value = scale.get_value(point)
         words = f"no value: {_why(point, scale.name)}" if value is None else f"{value:.{scale.digits}f} {scale.unit}"
         marks.append(_mark(frame, point, None if value is None else scale.band(value), words))
     return ValueLayer(scale.name, scale.title, tuple(marks), _legend(marks, [*scale.words()]))
 
 
 def _by_kind(survey: Survey, frame: MapFrame, name: str, title: str) -> ValueLayer:
-    met = list(dict.fromkeys(value for point in survey.placed if (value := getattr(point, name)) is not None))
+    values = list(dict.fromkeys(value for point in survey.placed_points if (value := getattr(point, name)) is not None))
     marks = []
-    for point in survey.placed:
+    for point in survey.placed_points:
         value = getattr(point, name)
         words = f"no value: {_why(point, name)}" if value is None else str(value)
-        marks.append(_mark(frame, point, None if value is None else min(met.index(value), len(SHAPES) - 1), words))
-    names = met[: len(SHAPES) - 1] + ([", ".join(met[len(SHAPES) - 1 :])] if len(met) >= len(SHAPES) else [])
+        marks.append(_mark(frame, point, None if value is None else min(values.index(value), len(SHAPES) - 1), words))
+    names = values[: len(SHAPES) - 1] + ([", ".join(values[len(SHAPES) - 1 :])] if len(values) >= len(SHAPES) else [])
     return ValueLayer(name, title, tuple(marks), _legend(marks, names))
 
 
@@ -205,16 +205,16 @@ def coast_paths(coast: Coast | None, frame: MapFrame) -> tuple[str, ...]:
     """The parts of a coast that cross the sheet, as paths of SVG."""
     if coast is None:
         return ()
-    found = []
+    paths = []
     for line in coast.lines:
         places = [frame.place(latitude, longitude) for longitude, latitude in line]
-        found += [
+        paths += [
             f"M{a[0]} {a[1]}L{b[0]} {b[1]}"
             for a, b in pairwise(places)
             if max(a[0], b[0]) >= 0 and min(a[0], b[0]) <= _WIDTH and max(a[1], b[1]) >= 0
             if min(a[1], b[1]) <= frame.height
         ]
-    return tuple(found)
+    return tuple(paths)
 
 
 _ENDS: Final = {
@@ -228,17 +228,20 @@ def summary(survey: Survey) -> tuple[str, ...]:
     """What the survey holds, in sentences."""
     points = survey.points
     levels = sum(point.rsrp_dbm is not None for point in points)
-    tested = sum(point.sent is not None for point in points)
-    answered = sum(point.rtt_median_s is not None for point in points)
-    unproved = sum(point.sent is not None and point.carried_by is None for point in points)
-    spent = sum(point.test_bytes for point in points)
+    test_count = sum(point.sent is not None for point in points)
+    answer_count = sum(point.rtt_median_s is not None for point in points)
+    unproved_count = sum(point.sent is not None and point.carried_by is None for point in points)
+    byte_count = sum(point.test_bytes for point in points)
     lines = [
-        f"{len(points)} points, {len(survey.placed)} of them with a position",
+        f"{len(points)} points, {len(survey.placed_points)} of them with a position",
         f"{levels} points with a level of the unit",
-        f"{tested} tests over the link, {answered} of them answered, {spent / 1000:.1f} kB sent and received",
+        (
+            f"{test_count} tests over the link, {answer_count} of them answered, "
+            f"{byte_count / 1000:.1f} kB sent and received"
+        ),
     ]
-    if unproved and not survey.header.emulated:
-        lines.append(f"of {unproved} tests nobody knows which link has carried them: the router did not say")
+    if unproved_count and not survey.header.emulated:
+        lines.append(f"of {unproved_count} tests nobody knows which link has carried them: the router did not say")
     lines += [f"{count} points without a position: {reason}" for reason, count in missing(survey)]
     return (*lines, _ENDS[survey.reason])
 
@@ -252,7 +255,7 @@ def missing(survey: Survey) -> tuple[tuple[str, int], ...]:
 def html(survey: Survey, coast: Coast | None = None) -> bytes:
     """The page; the same for the same survey."""
     style, header = _environment().get_template("survey.css.j2").render(), survey.header
-    positions = [point.position for point in survey.placed if point.position is not None]
+    positions = [point.position for point in survey.placed_points if point.position is not None]
     frame = MapFrame.around(positions) if positions else None
     return page(
         _environment(),

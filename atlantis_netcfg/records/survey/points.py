@@ -139,7 +139,7 @@ class Survey:
     """None: it was killed, or goes on."""
 
     @property
-    def placed(self) -> tuple[SurveyPoint, ...]:
+    def placed_points(self) -> tuple[SurveyPoint, ...]:
         """Points that have a position."""
         return tuple(point for point in self.points if point.position is not None)
 

@@ -106,15 +106,15 @@ class GpsdStream:
                 self._take(at_s, line + b"\n")
 
     def _take(self, at_s: float, line: bytes) -> None:
-        received = gpsd.read(Transcript(None, chunks=((0.0, self._sky + line),)))
-        for report in received.reports:
-            if self._device not in {None, received.device} and at_s - self._heard_s < _OTHER_RECEIVER_S:
+        result = gpsd.read(Transcript(None, chunks=((0.0, self._sky + line),)))
+        for report in result.reports:
+            if self._device not in {None, result.device} and at_s - self._heard_s < _OTHER_RECEIVER_S:
                 continue
-            whole = not report.fixed or (report.latitude is not None and report.time is not None)
+            whole = not report.has_fix or (report.latitude is not None and report.time is not None)
             # Within an epoch gpsd may tell a mode alone, or a position before its time: the whole report follows.
             if not whole and self._last is not None and self._last.time is not None:
                 continue
-            self._device, self._heard_s, self._hdop = received.device, at_s, received.hdop
+            self._device, self._heard_s, self._hdop = result.device, at_s, result.hdop
             if self._last is None or self._last.stamp is None or report.stamp != self._last.stamp:
                 self._since_s = at_s
             self._last = report
@@ -122,9 +122,9 @@ class GpsdStream:
     def position(self, now_s: float) -> TrackPosition | NoPosition:
         """The position at this time, on the clock of `feed`."""
         report = self._last
-        if report is None or (not report.fixed and now_s - self._heard_s > self.max_age_s):
+        if report is None or (not report.has_fix and now_s - self._heard_s > self.max_age_s):
             return NoPosition.NO_REPORT
-        if not report.fixed:
+        if not report.has_fix:
             return NoPosition.NO_FIX
         if report.time is None or report.latitude is None or report.longitude is None:
             return NoPosition.NO_TIME
@@ -177,13 +177,13 @@ class GpsdSource:
         """Connect, hear until the other end hangs up, and begin again."""
         while True:
             with suppress(OSError), ExitStack() as stack:
-                self._hear(self._connected(stack))
+                self._hear(self._connect(stack))
             with self._lock:
                 self._stream = None
             if select.select([self._stop], [], [], _AGAIN_S)[0]:
                 return
 
-    def _connected(self, stack: ExitStack) -> socket.socket:
+    def _connect(self, stack: ExitStack) -> socket.socket:
         if self._address is not None:
             return stack.enter_context(socket.create_connection(self._address, _CONNECT_S))
         ours, theirs = socket.socketpair()
@@ -233,23 +233,23 @@ def gpsd_address(text: str) -> tuple[str, int]:
     return match["host"].strip("[]"), port
 
 
-_TYPED = re.compile(
+_POSITION = re.compile(
     r"(?:(?P<place>[^:]{1,60}):)?\s*(?P<latitude>[+-]?\d{1,2}(?:\.\d+)?)\s*[,;\s]\s*(?P<longitude>[+-]?\d{1,3}(?:\.\d+)?)"
 )
 
 
-def typed_position(text: str, known: dict[str, TrackPosition]) -> TrackPosition | None:
+def typed_position(text: str, named_places: dict[str, TrackPosition]) -> TrackPosition | None:
     """Understand `41.6864, -8.8388`, `pier: 41.6864, -8.8388`, or the name of a place that was typed before.
 
-    A named one is kept in `known`. None: it is neither.
+    A named one is kept in `named_places`. None: it is neither.
     """
-    match = _TYPED.fullmatch(text.strip())
+    match = _POSITION.fullmatch(text.strip())
     if match is None:
-        return known.get(text.strip())
+        return named_places.get(text.strip())
     latitude, longitude = float(match["latitude"]), float(match["longitude"])
     if abs(latitude) > 90 or abs(longitude) > 180:  # noqa: PLR2004 - degrees
         return None
     position = TrackPosition(latitude, longitude, place=(match["place"] or "").strip())
     if position.place:
-        known[position.place] = position
+        named_places[position.place] = position
     return position

@@ -37,16 +37,16 @@ BY_HAND = "`driver: manual`: a person looks at its own page"
 def surveyed_link(declaration: Declaration, site: str, name: str | None) -> Bearer:
     """The 4G link of a site of that name, or the only one. Raises UsageError."""
     links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is BearerKind.LTE}
-    listed = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
+    choices = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
     if name is None and len(links) == 1:
         return next(iter(links.values()))
     if name in links:
         return links[name]
     if name is None:
-        raise UsageError(f"`{site}` has no single 4G link to survey: {listed}", hint="type which: `link=4g`")
+        raise UsageError(f"`{site}` has no single 4G link to survey: {choices}", hint="type which: `link=4g`")
     near = nearest(name, links)
     raise UsageError(
-        f"`link={name}` is no 4G link of `{site}`: {listed}",
+        f"`link={name}` is no 4G link of `{site}`: {choices}",
         hint=f"did you mean `link={near}`?" if near else "a survey reads a 4G unit",
     )
 
@@ -99,7 +99,7 @@ class UnitRadio:
     async def _carried_by(self, router: Host) -> str | None:
         with suppress(NetcfgError, TimeoutError):
             door = session_to(self.declaration, router.site, router, self.request)
-            async with asyncio.timeout(_ROUTER_S), door.opened() as session:
+            async with asyncio.timeout(_ROUTER_S), door.open_session() as session:
                 answers = rows(await session.command(_ROUTES))
             return None if answers is None else active_bearer(answers, ways_of(self.declaration, router))
         return None

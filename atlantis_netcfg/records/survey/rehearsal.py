@@ -104,8 +104,8 @@ class SimulatedLink:
             self.clock.reach(at)
             if not up:
                 return Arrival(datagram, at, _TTL)
-            received = self.unix_ns()
-            reply = self.reflector.answer(datagram, _SOURCE, received, _TTL, self.unix_ns)
+            received_ns = self.unix_ns()
+            reply = self.reflector.answer(datagram, _SOURCE, received_ns, _TTL, self.unix_ns)
             if reply is not None:
                 self._carry(reply, up=False)
         self.clock.reach(until_ns)
@@ -150,8 +150,8 @@ class Voyage:
 
     def __post_init__(self) -> None:
         """Lay the link."""
-        seeded = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
-        up, down = (LinkModel(LinkShape(), source) for source in seeded)
+        generators = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
+        up, down = (LinkModel(LinkShape(), source) for source in generators)
         self.link = SimulatedLink(self.clock, self._shapes, up, down)
 
     @property
@@ -162,9 +162,9 @@ class Voyage:
     def _shapes(self) -> tuple[LinkShape, LinkShape]:
         """The link is what the place allows; without service everything is lost."""
         truth = self.truth
-        lost, delay_s = 0.0 if truth.served else 1.0, self.rate.rtt_s / 2 * truth.delay_factor
+        loss, delay_s = 0.0 if truth.has_service else 1.0, self.rate.rtt_s / 2 * truth.delay_factor
         up, down = (bps * truth.rate_share for bps in (self.rate.up_bps, self.rate.down_bps))
-        return LinkShape(up, delay_s, loss=lost), LinkShape(down, delay_s, loss=lost)
+        return LinkShape(up, delay_s, loss=loss), LinkShape(down, delay_s, loss=loss)
 
     def position(self) -> TrackPosition | NoPosition:
         """As `PositionSource` has it: the receiver reports once a second."""

@@ -73,15 +73,15 @@ class TypedPositions:
 
     name: str = "a person"
     current: TrackPosition | None = None
-    _known: dict[str, TrackPosition] = field(default_factory=dict)
+    _places: dict[str, TrackPosition] = field(default_factory=dict)
     """Places that were named."""
 
     def type(self, text: str) -> bool:
         """Take what was typed; an empty line is the same place again. False: it is no position."""
         if text.strip():
-            found = typed_position(text, self._known)
-            self.current = found or self.current
-            return found is not None
+            position = typed_position(text, self._places)
+            self.current = position or self.current
+            return position is not None
         return self.current is not None
 
     def position(self) -> TrackPosition | NoPosition:
@@ -128,7 +128,7 @@ class SiteSurvey:
     ) -> RunningSurvey:
         """All that a survey needs; what has to be closed ends with the stack. Raises UsageError."""
         if self.tune is not None:
-            return self._emulated(samples, write)
+            return self._build_emulation(samples, write)
         tester = None
         if not self.radio_only:
             transport = stack.enter_context(self._transport())
@@ -148,12 +148,14 @@ class SiteSurvey:
                 hint="connect it to the network of the site, or type `--radio-only`, which sends nothing",
             ) from error
 
-    def _emulated(self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]) -> RunningSurvey:
+    def _build_emulation(
+        self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
+    ) -> RunningSurvey:
         assert self.tune is not None  # noqa: S101 - the caller has looked
         fence, rate = self.declaration.sites[self.site].checklist.geofence, self.link.rate
         begin = _PORT_OF_VIANA if fence is None else (fence.latitude, fence.longitude)
-        declared = DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
-        voyage = Voyage(out_and_back(*begin), two_masts(*begin), declared, self.tune)
+        declared_rate = DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
+        voyage = Voyage(out_and_back(*begin), two_masts(*begin), declared_rate, self.tune)
         tester = None
         if not self.radio_only:
             tester = LinkTester(self.plan, voyage.link, ReflectorPeer(KEY), samples)

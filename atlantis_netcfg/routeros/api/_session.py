@@ -17,7 +17,7 @@ from atlantis_netcfg.routeros.api._values import (
     Command,
     Endpoint,
     FellSilent,
-    LoginRefused,
+    LoginError,
     ProtocolError,
     Reply,
     SessionLost,
@@ -51,7 +51,7 @@ async def _ask(wire: Wire, endpoint: Endpoint, proof: tuple[str, str]) -> Reply:
     except SessionLost as lost:
         raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
     if reply.trap is not None:
-        raise LoginRefused(
+        raise LoginError(
             f"{endpoint} refused the login of `{endpoint.user}`: {reply.trap.message}",
             hint="check the name and the vaulted password of this device in the inventory",
         )
@@ -103,8 +103,8 @@ class Session:
         """
         traffic = Traffic()
         endpoint.opening(traffic)
-        wire, seen = await _logged_in(endpoint, traffic)
-        return cls(endpoint, wire, seen)
+        wire, fingerprint = await _logged_in(endpoint, traffic)
+        return cls(endpoint, wire, fingerprint)
 
     @property
     def tls_version(self) -> str:
@@ -145,7 +145,7 @@ class Session:
             await self._wire.closed.wait()
             self._wire, _ = await _logged_in(self.endpoint, self.traffic)
             replies = await self._batches(commands, WINDOW, patience_s)
-            self.endpoint.narrowed()
+            self.endpoint.on_window_shrink()
             return replies
 
     async def _batches(self, commands: Sequence[Command], window: int, patience_s: float) -> list[Reply]:
@@ -199,14 +199,14 @@ async def _logged_in(endpoint: Endpoint, traffic: Traffic) -> tuple[Wire, str]:
     """Open a session; its wire, and the certificate that the device has shown."""
     wire = await _connect(endpoint, traffic)
     try:
-        seen = fingerprint_of(endpoint, wire.transport)
-        check_pin(endpoint, seen)
+        fingerprint = fingerprint_of(endpoint, wire.transport)
+        check_pin(endpoint, fingerprint)
         await log_in(wire, endpoint)
     except BaseException:
         wire.abort()
         await wire.closed.wait()
         raise
-    return wire, seen
+    return wire, fingerprint
 
 
 async def _connect(endpoint: Endpoint, traffic: Traffic) -> Wire:
@@ -216,7 +216,7 @@ async def _connect(endpoint: Endpoint, traffic: Traffic) -> Wire:
             _, tls = await asyncio.get_running_loop().create_connection(
                 lambda: TlsTransport(wire, endpoint.host, traffic), endpoint.host, endpoint.port
             )
-            await _established(tls)
+            await _wait_for_handshake(tls)
     except TimeoutError:
         raise Unreachable(
             f"{endpoint} did not answer within {endpoint.connect_timeout_s:g} s",
@@ -235,7 +235,7 @@ async def _connect(endpoint: Endpoint, traffic: Traffic) -> Wire:
     return wire
 
 
-async def _established(tls: TlsTransport) -> None:
+async def _wait_for_handshake(tls: TlsTransport) -> None:
     """Wait for the end of the handshake. Raises ssl.SSLError, OSError."""
     try:
         await tls.established

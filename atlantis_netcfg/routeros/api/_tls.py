@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, cast
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.routeros.api._values import CertificateChanged, CertificateUnknown, Endpoint, Traffic, Unreachable
+from atlantis_netcfg.routeros.api._values import CertificateMismatch, CertificateUnknown, Endpoint, Traffic, Unreachable
 
 _PIECE = 65_536
 _ATTACH_FILTER = 26
@@ -80,12 +80,12 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
         """Say that this is the end; with `wait` the device has to say so, too, before the connection is closed."""
         if self._raw is None or self._raw.is_closing():
             return
-        ended = False
+        has_ended = False
         with suppress(ssl.SSLError):  # the device has not said it yet
             self._tls.unwrap()
-            ended = True
+            has_ended = True
         self._flush()
-        if ended or not wait:
+        if has_ended or not wait:
             self._raw.close()
 
     def abort(self) -> None:
@@ -170,20 +170,21 @@ def certificate_bytes(endpoint: Endpoint, transport: asyncio.BaseTransport) -> b
     return der
 
 
-def check_pin(endpoint: Endpoint, seen: str) -> None:
+def check_pin(endpoint: Endpoint, fingerprint: str) -> None:
     """Compare certificate and pin. Raises CertificateUnknown without a pin, CertificateChanged if they differ."""
     if endpoint.pin is None:
         raise CertificateUnknown(
-            f"{endpoint}: its certificate is not known here, so it was told no password; it showed {seen}",
-            fingerprint=seen,
-            hint=f"{TRUST}; or declare `fingerprint: {seen}` under its `access`, but {_COMPARE}",
+            f"{endpoint}: its certificate is not known here, so it was told no password; it showed {fingerprint}",
+            fingerprint=fingerprint,
+            hint=f"{TRUST}; or declare `fingerprint: {fingerprint}` under its `access`, but {_COMPARE}",
         )
-    pinned = endpoint.pin.replace(":", "").lower()
-    if pinned != seen:
-        raise CertificateChanged(
-            f"{endpoint}: the certificate is not the one of this device; pinned is {pinned}, it showed {seen}",
-            pinned=pinned,
-            seen=seen,
+    pinned_fingerprint = endpoint.pin.replace(":", "").lower()
+    if pinned_fingerprint != fingerprint:
+        raise CertificateMismatch(
+            f"{endpoint}: the certificate is not the one of this device; pinned is {pinned_fingerprint}, "
+            f"it showed {fingerprint}",
+            pinned_fingerprint=pinned_fingerprint,
+            fingerprint=fingerprint,
             hint=f"{_COMPARE}; only if they are equal and it was renewed on purpose: `provision trust site=…` asks"
             " you to agree to it; a device that stands in for another one is met by"
             " `provision adopt site=… device=… --replaced`",

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 from typing import TYPE_CHECKING, Protocol
 
 
-class Unreachable(DeviceFailed):
+class Unreachable(DeviceError):
     """No TLS session came about; nothing was sent to the device."""
 
 
-class CertificateUnknown(DeviceFailed):
+class CertificateUnknown(DeviceError):
     """The device has a certificate, but we have no pin to compare it with; no login was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
@@ -30,20 +30,20 @@ class CertificateUnknown(DeviceFailed):
         self.fingerprint = fingerprint
 
 
-class CertificateChanged(DeviceFailed):
+class CertificateMismatch(DeviceError):
     """The certificate is not the pinned one (another device, a renewal, somebody in between); no login was sent."""
 
-    def __init__(self, message: str, *, pinned: str, seen: str, hint: str | None = None) -> None:
+    def __init__(self, message: str, *, pinned_fingerprint: str, fingerprint: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
-        self.pinned = pinned
-        self.seen = seen
+        self.pinned_fingerprint = pinned_fingerprint
+        self.fingerprint = fingerprint
 
 
-class LoginRefused(DeviceFailed):
+class LoginError(DeviceError):
     """The device refused name and password, or more sessions; the text ends with its words."""
 
 
-class Refused(DeviceFailed):
+class CommandError(DeviceError):
     """The device refused one command; the session lives on."""
 
     def __init__(self, message: str, *, trap: Trap, path: str) -> None:
@@ -52,7 +52,7 @@ class Refused(DeviceFailed):
         self.path = path
 
 
-class SessionLost(DeviceFailed):
+class SessionLost(DeviceError):
     """The session is over. `in_flight`: commands were sent and not answered, so that the device may have done them."""
 
     def __init__(self, message: str, *, in_flight: bool, hint: str | None = None) -> None:
@@ -110,10 +110,10 @@ class Reply:
     path: str = ""
     """The command that was answered."""
 
-    def checked(self) -> Self:
+    def check(self) -> Self:
         """Return the reply itself. Raises Refused if the device refused the command."""
         if self.trap is not None:
-            raise Refused(f"the device refused {self.path}: {self.trap.message}", trap=self.trap, path=self.path)
+            raise CommandError(f"the device refused {self.path}: {self.trap.message}", trap=self.trap, path=self.path)
         return self
 
 
@@ -133,7 +133,7 @@ class Endpoint:
     """Longest silence of a device that owes an answer."""
     window: int = READING_WINDOW
     """Reading commands in flight at once; other commands go in `api.WINDOW`."""
-    narrowed: Callable[[], None] = field(default=lambda: None, repr=False, compare=False)
+    on_window_shrink: Callable[[], None] = field(default=lambda: None, repr=False, compare=False)
     """Called when the device has fallen silent in `window`, and has then answered in `api.WINDOW`."""
     opening: Callable[[Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
     """Called before a session is opened, with what it will cost: one that fails costs its handshakes, too."""
@@ -151,34 +151,34 @@ class Traffic:
     """
 
     round_trips: int = 0
-    sent: int = 0
-    received: int = 0
+    sent_bytes: int = 0
+    received_bytes: int = 0
     connections: int = 0
     """Two if the device fell silent in its large window: see `Session.flight`."""
-    _unanswered: bool = field(default=False, init=False, repr=False, compare=False)
+    _is_unanswered: bool = field(default=False, init=False, repr=False, compare=False)
     """We have said something since the device was last heard."""
 
     def connect(self) -> None:
         """Count a connection that has just been made: its handshake is a round trip."""
         self.connections += 1
         self.round_trips += 1
-        self._unanswered = False
+        self._is_unanswered = False
 
     def send(self, size: int) -> None:
         """Count bytes that go out."""
-        self.sent += size
-        self._unanswered = True
+        self.sent_bytes += size
+        self._is_unanswered = True
 
     def receive(self, size: int) -> None:
         """Count bytes that have come in: the first ones after we have said something end a round trip."""
-        self.received += size
-        self.round_trips += self._unanswered
-        self._unanswered = False
+        self.received_bytes += size
+        self.round_trips += self._is_unanswered
+        self._is_unanswered = False
 
     @property
     def bytes(self) -> int:
         """Both directions together."""
-        return self.sent + self.received
+        return self.sent_bytes + self.received_bytes
 
     @classmethod
     def total(cls, sessions: Iterable[Traffic]) -> Self:
@@ -186,8 +186,8 @@ class Traffic:
         each = tuple(sessions)
         return cls(
             sum(part.round_trips for part in each),
-            sum(entry.sent for entry in each),
-            sum(item.received for item in each),
+            sum(entry.sent_bytes for entry in each),
+            sum(item.received_bytes for item in each),
             sum(traffic.connections for traffic in each),
         )
 

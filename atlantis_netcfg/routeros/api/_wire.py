@@ -46,7 +46,7 @@ _FIVE_BYTES: Final = 0xF0
 _FIVE_BYTES_FROM: Final = 0x10000000
 _REPLIES: Final = frozenset({"!re", "!done", "!empty", "!trap", "!fatal"})
 _NUMBER: Final = re.compile(rf"[0-9]{{{MAX_DIGITS},}}")
-_SHOWN: Final = 20
+_MAX_NAME: Final = 20
 _SHOWN_TEXT: Final = 200
 
 
@@ -157,7 +157,7 @@ def parse(words: tuple[str, ...]) -> AnswerReader:
     """Take a reply sentence apart; API attributes other than `.tag` are skipped. Raises GarbageError."""
     reply, *rest = words
     if reply not in _REPLIES:
-        raise GarbageError(f"{_shown(reply)} in the place of an answer")
+        raise GarbageError(f"{_describe_word(reply)} in the place of an answer")
     if reply == "!fatal":
         text = " ".join(word for word in rest if not word.startswith("."))
         return AnswerReader(
@@ -168,7 +168,7 @@ def parse(words: tuple[str, ...]) -> AnswerReader:
     for word in rest:
         name, equals, value = word[1:].partition("=")
         if not equals or word[0] not in "=.":
-            raise GarbageError(f"{_shown(word)} in the place of an attribute of {reply}")
+            raise GarbageError(f"{_describe_word(word)} in the place of an attribute of {reply}")
         if word.startswith("="):
             if len(value) > MAX_DIGITS and _NUMBER.search(value):
                 raise GarbageError(f"a number of more than {MAX_DIGITS} digits as {_plain(name)}")
@@ -181,13 +181,13 @@ def parse(words: tuple[str, ...]) -> AnswerReader:
 def _plain(name: str) -> str:
     return (
         f"`{name}`"
-        if name.isascii() and name.isprintable() and len(name) <= _SHOWN
+        if name.isascii() and name.isprintable() and len(name) <= _MAX_NAME
         else f"a name of {len(name)} characters"
     )
 
 
-def _shown(word: str) -> str:
-    if word.startswith("!") and word.isascii() and word.isprintable() and len(word) <= _SHOWN:
+def _describe_word(word: str) -> str:
+    if word.startswith("!") and word.isascii() and word.isprintable() and len(word) <= _MAX_NAME:
         return f"`{word}`"
     return f"a word of {len(word)} characters"
 
@@ -318,19 +318,19 @@ class Wire(asyncio.Protocol):
         self.transport.write(data)
         self._received = asyncio.get_running_loop().time()
 
-    async def _wait(self, settled: asyncio.Future[None], silence_s: float, longest_s: float) -> None:
+    async def _wait(self, completion: asyncio.Future[None], silence_s: float, longest_s: float) -> None:
         loop = asyncio.get_running_loop()
         longest_s = max(longest_s, silence_s)
         end = loop.time() + longest_s
-        while not settled.done():
+        while not completion.done():
             now = loop.time()
             if now >= self._received + silence_s:
                 self._fail(f"has not answered for {silence_s:g} s", kind=FellSilent)
             elif now >= end:
                 self._fail(f"has gone on answering for {longest_s:g} s without an end", kind=ProtocolError)
             else:
-                await asyncio.wait([settled], timeout=min(self._received + silence_s, end) - now)
-        settled.result()
+                await asyncio.wait([completion], timeout=min(self._received + silence_s, end) - now)
+        completion.result()
 
     def _dispatch(self, answer: AnswerReader) -> None:
         if answer.reply == "!fatal":

@@ -11,30 +11,30 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observed, Plan, Verb
+from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observation, Plan, Verb
 from atlantis_netcfg.routeros.api import Command, Reply, SessionLost
-from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionChoice
+from atlantis_netcfg.routeros.apply._protection import InterferenceError, Protection, ProtectionChoice
 from atlantis_netcfg.routeros.apply._state import (
     CLAIMS,
     SAVING,
     SIGNS,
     claim,
-    claimed,
     claimed_by,
+    confirm_claim,
     differing,
     digest,
     fetch,
     invalid,
     is_claiming,
+    parse_export,
     restoring,
-    saved,
     signs,
 )
-from atlantis_netcfg.routeros.apply._writer import ActionRefused, Writer
+from atlantis_netcfg.routeros.apply._writer import ActionError, Writer
 from atlantis_netcfg.routeros.link_use import ROUTES
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import (
@@ -44,7 +44,7 @@ from atlantis_netcfg.routeros.observe import (
     LEAVES,
     closing,
     counting_rows,
-    merged,
+    merge_menus,
     modem_row,
     number_of_rows,
     observe,
@@ -58,14 +58,14 @@ from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeU
 from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
 from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man, disarm, forbidden
 from atlantis_netcfg.runs import (
-    ActionsAcknowledged,
-    ActionsConfirmed,
+    ActionAcknowledgement,
+    ActionConfirmation,
     LayerSent,
-    Protected,
-    Released,
+    ProtectionRecord,
+    ReleaseRecord,
     Releasing,
-    Signed,
-    Verified,
+    SignRecord,
+    VerificationRecord,
 )
 
 if TYPE_CHECKING:
@@ -92,30 +92,30 @@ async def begin(work: RunContext) -> Writer:
     alone = safe_mode_first(work)
     early = work.early if work.holding and not needs_sign(work) else ()
     if alone and work.holding:
-        _taken(work)
+        _record_protection(work)
     elif alone:
         await take(work)
     sign = [claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
     if sign:
-        work.record(Signed(device=work.job.name, sign=work.signer.text))
+        work.record(SignRecord(device=work.job.name, sign=work.signer.text))
     questions = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
     answers = early or await work.channel.flight([*questions, *(() if alone else work.safe_mode.beside)])
     await asyncio.sleep(0)  # whoever has stopped the run meanwhile is heard before anything is written
-    export, probe, history, claims, *seen = answers[len(sign) :]
+    export, probe, history, claims, *holder_replies = answers[len(sign) :]
     if sign:
-        work.sign = await claimed(work.channel, sign[0], answers[0], claims.rows, work.signer)
-    found = saved(export, probe)
-    text = found.text if found.text is not None else await fetch(work.channel, partial(_as_read, work))
+        work.sign = await confirm_claim(work.channel, sign[0], answers[0], claims.rows, work.signer)
+    saved_export = parse_export(export, probe)
+    text = saved_export.text if saved_export.text is not None else await fetch(work.channel, partial(_as_read, work))
     work.job.journal.save(work.job.name, text)
     if not work.restores:
-        _nobody_else(work, claims, work.safe_mode.seen(seen) if seen else None)
+        _nobody_else(work, claims, work.safe_mode.read_holder(holder_replies) if holder_replies else None)
         if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
             await _look_again(work)
         # Only now: the job would take back to what was read, which has to be what is there.
         await _arm(work)
         if protection is Protection.CONSOLE and not stages.prepare:
             await take(work)
-    return found.writer
+    return saved_export.writer
 
 
 BEFORE = (*SAVING, _COUNT, CLAIMS)
@@ -125,15 +125,15 @@ BEFORE = (*SAVING, _COUNT, CLAIMS)
 def needs_sign(work: RunContext) -> bool:
     """Tell whether something is written while safe mode is not held."""
     stages = work.stages
-    return not work.restores and not (safe_mode_first(work) and len(stages.protected) == 1 and not stages.finish)
+    return not work.restores and not (safe_mode_first(work) and len(stages.pieces) == 1 and not stages.finish)
 
 
 def _as_read(work: RunContext) -> str:
     """Write down what was read, where the device cannot hand out its own export: the menus of this plan."""
-    if work.seen.facts.version >= _READS_FILES:
-        raise DeviceFailed("the state before the change cannot be saved, so nothing is changed")
+    if work.observation.facts.version >= _READS_FILES:
+        raise DeviceError("the state before the change cannot be saved, so nothing is changed")
     work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
-    return snapshot.write(work.job.name, restoring(work.seen), work.seen)
+    return snapshot.write(work.job.name, restoring(work.observation), work.observation)
 
 
 def _sign_s(work: RunContext) -> float:
@@ -155,11 +155,11 @@ async def take(work: RunContext) -> None:
         work.holding = False
         raise
     work.owner = holder.who
-    _taken(work)
+    _record_protection(work)
 
 
-def _taken(work: RunContext) -> None:
-    work.record(Protected(device=work.job.name, how=work.choice.value))
+def _record_protection(work: RunContext) -> None:
+    work.record(ProtectionRecord(device=work.job.name, how=work.choice.value))
     work.say(Stage.PROTECTED, "safe mode is active: the device takes the changes back if the session is lost")
 
 
@@ -167,7 +167,7 @@ def _nobody_else(work: RunContext, claims: Reply, holder: Holder | None) -> None
     other = work.signer.other(signs(claims.rows))
     if other is not None:
         raise claimed_by(other, work.job.site)
-    if holder is not None and holder.taken and not holder.ours:
+    if holder is not None and holder.is_taken and not holder.ours:
         raise held_by(holder.who)
 
 
@@ -190,18 +190,20 @@ async def _arm(work: RunContext) -> None:
         return
     work.say(Stage.PROTECTED, f"a dead-man job is armed: the device takes everything back in {after_s / 60:.0f} min")
     if work.protection is Protection.DEAD_MAN:
-        work.record(Protected(device=work.job.name, how=work.choice.value))
+        work.record(ProtectionRecord(device=work.job.name, how=work.choice.value))
 
 
 def _is_untouched(work: RunContext, history: Reply) -> bool:
     """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
-    known = work.seen.facts.history
-    if known >= HISTORY - 1:
+    known_length = work.observation.facts.history
+    if known_length >= HISTORY - 1:
         return False
     if history.ret is not None:
-        return history.ret == str(known)
+        return history.ret == str(known_length)
     newer = [row.get("action", "") for row in history.rows]
-    return len(newer) == known or (len(newer) == known + 1 and any(map(is_claiming, (newer[0], newer[-1]))))
+    return len(newer) == known_length or (
+        len(newer) == known_length + 1 and any(map(is_claiming, (newer[0], newer[-1])))
+    )
 
 
 async def _look_again(work: RunContext) -> None:
@@ -210,37 +212,41 @@ async def _look_again(work: RunContext) -> None:
     Of a menu with very many rows they are counted: over a satellite each thousand costs 94 kB. Given up: what somebody
     sets there in these seconds; where the plan touches the menu, it is read in full before anything becomes permanent.
     """
-    rows = work.seen.rows
+    rows = work.observation.rows
     long = [path for path in rows if len(rows[path]) > FEW_FOREIGN]
     if long:
-        now = await _counted(work, long)
+        now = await _read_and_count(work, long)
     else:
-        now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(rows))
-    changed = differing(work.seen, now, work.job.desired.run_time)
-    if changed:
-        raise Interfered(
-            f"somebody else has changed the device since it was read ({', '.join(changed[:_SHOWN_HANDS])})",
+        now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(rows))
+    changed_menus = differing(work.observation, now, work.job.desired_state.run_time)
+    if changed_menus:
+        raise InterferenceError(
+            f"somebody else has changed the device since it was read ({', '.join(changed_menus[:_SHOWN_HANDS])})",
             hint="run the same command again: it plans from what is there now",
         )
 
 
-async def _counted(work: RunContext, long: Sequence[str]) -> Observed:
+async def _read_and_count(work: RunContext, long: Sequence[str]) -> Observation:
     """Read all menus but the `long` ones, whose rows are counted, and read where they have become more or fewer."""
-    rows = work.seen.rows
+    rows = work.observation.rows
     short = [path for path in rows if path not in long]
     replies = await work.channel.flight([*map(printing, short), *map(counting_rows, long)])
     # Our own sign is a row, too.
-    known = {path: len(rows[path]) + (path == SIGNS and work.sign is not None) for path in long}
+    known_counts = {path: len(rows[path]) + (path == SIGNS and work.sign is not None) for path in long}
     numbers = zip(long, replies[len(short) :], strict=True)
-    moved = [path for path, reply in numbers if number_of_rows(reply) != known[path]]
-    now = merged(work.seen, short, replies[: len(short)])
-    return merged(now, moved, await work.channel.flight([*map(printing, moved)])) if moved else now
+    changed_menus = [path for path, reply in numbers if number_of_rows(reply) != known_counts[path]]
+    now = merge_menus(work.observation, short, replies[: len(short)])
+    return (
+        merge_menus(now, changed_menus, await work.channel.flight([*map(printing, changed_menus)]))
+        if changed_menus
+        else now
+    )
 
 
-_SHOWN = 3
+_LIST_LIMIT = 3
 
 
-class VerificationFailed(DeviceFailed):
+class VerificationError(DeviceError):
     """A new session did not find what is declared, or there was no new session: the change must not stay."""
 
 
@@ -251,7 +257,7 @@ async def change(work: RunContext) -> None:
     if stages.prepare:
         await _write(work, writer, stages.prepare)
     holder: Holder | None = None
-    for number, piece in enumerate(stages.protected):
+    for number, piece in enumerate(stages.pieces):
         if number:
             await _checkpoint(work, holder)
         if not work.holding:
@@ -266,8 +272,8 @@ async def change(work: RunContext) -> None:
     if farewell := work.farewell():
         await work.channel.flight(farewell)
         work.signed_off(farewell)
-    work.confirmed = len(work.aim.actions)
-    work.record(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
+    work.confirmed_count = len(work.aim.actions)
+    work.record(ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
 
 
 async def _write(work: RunContext, writer: Writer, actions: Sequence[Action]) -> Holder | None:
@@ -277,9 +283,9 @@ async def _write(work: RunContext, writer: Writer, actions: Sequence[Action]) ->
     """
     holder: Holder | None = None
     for turn in writer.turns(actions):
-        holder = work.safe_mode.seen(await _send(work, writer, turn, work.safe_mode.beside))
+        holder = work.safe_mode.read_holder(await _send(work, writer, turn, work.safe_mode.beside))
         if work.holding and holder is not None and not holder.ours:
-            raise _lost(work, holder)
+            raise _lose_protection(work, holder)
     return holder
 
 
@@ -292,20 +298,20 @@ async def _send(
     layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
     numbers = tuple(dict.fromkeys(action.number for action in turn))
     work.record(LayerSent(device=work.job.name, layer=layers, actions=numbers))
-    work.touched = True
-    written = await writer.send(work.channel, turn, beside)
-    work.acknowledged.update(written.acknowledged)
-    if written.refused is not None:
-        work.note(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
-        raise ActionRefused(written.refused)
-    work.record(ActionsAcknowledged(device=work.job.name, actions=written.acknowledged))
-    work.say(Stage.APPLYING, f"{len(work.acknowledged)} of {len(work.aim.actions)} sent ({layers})")
-    return written.beside
+    work.has_sent_changes = True
+    write_result = await writer.send(work.channel, turn, beside)
+    work.acknowledged_numbers.update(write_result.acknowledged_numbers)
+    if write_result.refusal is not None:
+        work.note(ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
+        raise ActionError(write_result.refusal)
+    work.record(ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
+    work.say(Stage.APPLYING, f"{len(work.acknowledged_numbers)} of {len(work.aim.actions)} sent ({layers})")
+    return write_result.beside
 
 
-def _lost(work: RunContext, holder: Holder) -> ProtectionLost:
+def _lose_protection(work: RunContext, holder: Holder) -> ProtectionLost:
     work.holding = False
-    who = f"{holder.who} has taken safe mode from us" if holder.taken else "safe mode is not held any more"
+    who = f"{holder.who} has taken safe mode from us" if holder.is_taken else "safe mode is not held any more"
     return ProtectionLost(f"{who} in the middle of the change")
 
 
@@ -329,14 +335,14 @@ async def _take_later(work: RunContext, current: SafeModeUnavailable) -> None:
     Raises SafeModeUnavailable, Interfered.
     """
     holder = await work.contact.until_free(work.safe_mode, work.channel, work.job.patience.undo_s)
-    if holder.taken and not holder.ours:
+    if holder.is_taken and not holder.ours:
         raise current
     await take(work)
-    now = await observe(work.channel, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+    now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
     try:
-        _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged])
-    except VerificationFailed as changed:
-        raise Interfered(f"somebody else has changed the device between two pieces: {changed}") from changed
+        _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged_numbers])
+    except VerificationError as changed:
+        raise InterferenceError(f"somebody else has changed the device between two pieces: {changed}") from changed
 
 
 async def verify(work: RunContext, rest: Sequence[Action]) -> None:
@@ -346,10 +352,10 @@ async def verify(work: RunContext, rest: Sequence[Action]) -> None:
     _compare(work, now, rest)
     await _until_shown(work, now)
     work.after = now
-    work.record(Verified(device=work.job.name, state=digest(now)))
+    work.record(VerificationRecord(device=work.job.name, state=digest(now)))
 
 
-async def _read_anew(work: RunContext) -> Observed:
+async def _read_anew(work: RunContext) -> Observation:
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.verify_s
     while True:
@@ -358,38 +364,40 @@ async def _read_anew(work: RunContext) -> Observed:
             return await _read(work, session)
         except SessionLost as lost:
             if clock() >= until:
-                raise VerificationFailed(f"no new session lasts long enough to read the device: {lost}") from lost
+                raise VerificationError(f"no new session lasts long enough to read the device: {lost}") from lost
             await asyncio.sleep(patience.first_poll_s)
-        except DeviceFailed as failed:
-            raise VerificationFailed(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
+        except DeviceError as failed:
+            raise VerificationError(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
 
 
-async def _read(work: RunContext, session: Channel) -> Observed:
+async def _read(work: RunContext, session: Channel) -> Observation:
     """Read what was touched, and all that may follow it where other menus may, or the state before is put back."""
-    job, seen = work.job, work.seen
-    touched = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
-    if not work.restores and LEAVES.issuperset(touched):
-        return await read_back(session, job.endpoint, seen, touched, job.counted)
-    kept = {path: rows for path, rows in seen.rows.items() if path in LATER and path not in touched}
-    following = [path for path in seen.rows if path not in kept]
-    now = await observe(session, job.endpoint, job.desired.menus, following, job.counted, seen.facts)
-    return replace(now, rows={**kept, **now.rows})
+    job, observation = work.job, work.observation
+    touched_menus = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
+    if not work.restores and LEAVES.issuperset(touched_menus):
+        return await read_back(session, job.endpoint, observation, touched_menus, job.counted_ports)
+    retained_rows = {
+        path: rows for path, rows in observation.rows.items() if path in LATER and path not in touched_menus
+    }
+    following = [path for path in observation.rows if path not in retained_rows]
+    now = await observe(session, job.endpoint, job.desired_state.menus, following, job.counted_ports, observation.facts)
+    return replace(now, rows={**retained_rows, **now.rows})
 
 
-async def _until_told(work: RunContext, now: Observed) -> Observed:
+async def _until_told(work: RunContext, now: Observation) -> Observation:
     """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
     monitor = monitor_of(now.rows.get(LTE, ()))
-    while pending(work.job.desired, now):
+    while pending(work.job.desired_state, now):
         if clock() >= until:
-            raise VerificationFailed(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
+            raise VerificationError(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
         await asyncio.sleep(patience.first_poll_s)
         now = replace(now, modem=modem_row(await work.channel.command(monitor)))
     return now
 
 
-async def _until_shown(work: RunContext, now: Observed) -> None:
+async def _until_shown(work: RunContext, now: Observation) -> None:
     """Wait until the routes do what the change is for, where a job says what that is. Raises VerificationFailed."""
     if work.job.shows is None:
         return
@@ -397,24 +405,26 @@ async def _until_shown(work: RunContext, now: Observed) -> None:
     until = clock() + work.job.patience.settle_s
     while why := work.job.shows(now):
         if clock() >= until:
-            raise VerificationFailed(why)
+            raise VerificationError(why)
         await asyncio.sleep(work.job.patience.first_poll_s)
-        now = merged(now, (ROUTES,), [await work.channel.command(printing(ROUTES))])
+        now = merge_menus(now, (ROUTES,), [await work.channel.command(printing(ROUTES))])
 
 
-def _compare(work: RunContext, now: Observed, rest: Iterable[Action]) -> None:
+def _compare(work: RunContext, now: Observation, rest: Iterable[Action]) -> None:
     try:
-        second = plan(work.job.name, work.job.desired, now)
+        second = plan(work.job.name, work.job.desired_state, now)
     except CannotPlan as problem:
-        raise VerificationFailed(f"what was read back does not fit any more: {problem}") from problem
-    left = Counter(map(_essence, second.actions)) - Counter(map(_essence, rest))
-    if left:
-        names = [f"{verb} {subject}" for (_, verb, subject) in list(left)[:_SHOWN]]
-        more = f" and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
-        raise VerificationFailed(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
-    unused = [row for row in invalid(now) if row not in invalid(work.seen)]
-    if unused:
-        raise VerificationFailed(f"the device took these rows, but does not use them: {'; '.join(unused[:_SHOWN])}")
+        raise VerificationError(f"what was read back does not fit any more: {problem}") from problem
+    remaining_actions = Counter(map(_essence, second.actions)) - Counter(map(_essence, rest))
+    if remaining_actions:
+        names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
+        more = f" and {len(remaining_actions) - _LIST_LIMIT} more" if len(remaining_actions) > _LIST_LIMIT else ""
+        raise VerificationError(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
+    unused_rows = [row for row in invalid(now) if row not in invalid(work.observation)]
+    if unused_rows:
+        raise VerificationError(
+            f"the device took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+        )
 
 
 def _essence(action: Action) -> tuple[str, str, str]:
@@ -423,20 +433,20 @@ def _essence(action: Action) -> tuple[str, str, str]:
 
 async def _holder(work: RunContext) -> Holder:
     """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
-    seen = work.after.facts.safe_mode_owner if work.after is not None else None
-    if seen is not None and seen == work.owner:
-        return Holder(taken=True, ours=True, who=seen)
+    owner = work.after.facts.safe_mode_owner if work.after is not None else None
+    if owner is not None and owner == work.owner:
+        return Holder(is_taken=True, ours=True, who=owner)
     return await work.safe_mode.look(work.channel)
 
 
 async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> None:
     """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
     if not holder.ours:
-        raise _lost(work, holder)
+        raise _lose_protection(work, holder)
     witness = _witness(work)
     work.record(Releasing(device=work.job.name))
     farewell = work.farewell() if last else ()
-    look = closing(work.job.counted)
+    look = closing(work.job.counted_ports)
     reads = [each.command for each in witness]
     answers = await work.safe_mode.release(work.channel, [*reads, *look, *farewell])
     if look:
@@ -446,7 +456,7 @@ async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> N
     work.signed_off(farewell)
     if not _stands(witness, answers):
         raise ProtectionLost("somebody took the change back before it was released")
-    work.record(Released(device=work.job.name))
+    work.record(ReleaseRecord(device=work.job.name))
 
 
 async def _confirm(work: RunContext) -> None:
@@ -465,7 +475,7 @@ async def _confirm(work: RunContext) -> None:
     if not in_time or not _stands(witness, answers):
         raise ProtectionLost("the dead-man job has run before it could be taken away")
     if work.protection is Protection.DEAD_MAN:
-        work.record(Released(device=work.job.name))
+        work.record(ReleaseRecord(device=work.job.name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -473,20 +483,20 @@ class _Witness:
     """A menu that would tell if the last piece were taken back, read beside the release."""
 
     menu: str
-    after: Observed
-    counted: bool
+    after: Observation
+    is_counted: bool
     """The piece has changed the number of its rows, so that this is enough to know."""
 
     @property
     def command(self) -> Command:
         """What to ask."""
-        return counting_rows(self.menu) if self.counted else printing(self.menu)
+        return counting_rows(self.menu) if self.is_counted else printing(self.menu)
 
     def stands(self, reply: Reply) -> bool:
         """Tell whether the change is still there. Raises Refused."""
-        if self.counted:
-            return number_of_rows(reply.checked()) == len(self.after.rows[self.menu])
-        return not differing(self.after, merged(self.after, (self.menu,), (reply,)))
+        if self.is_counted:
+            return number_of_rows(reply.check()) == len(self.after.rows[self.menu])
+        return not differing(self.after, merge_menus(self.after, (self.menu,), (reply,)))
 
 
 def _witness(work: RunContext) -> list[_Witness]:
@@ -494,15 +504,15 @@ def _witness(work: RunContext) -> list[_Witness]:
     if work.after is None:
         return []
     after = work.after
-    last = (*work.stages.protected[-1:], work.stages.prepare)[0]
-    grown: Counter[str] = Counter()
+    last = (*work.stages.pieces[-1:], work.stages.prepare)[0]
+    row_changes: Counter[str] = Counter()
     for action in last:
-        grown[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
+        row_changes[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
     # Whether a device counts by a query is not known; reading back gets on without that.
-    plain = {menu for menu, rows in grown.items() if rows and not counting_rows(menu).queries}
-    counted = {menu for menu in plain if all(map(MENUS[menu].is_touchable, after.rows[menu]))}
-    menu = min(grown, key=lambda menu: (menu not in counted, len(after.rows[menu]), menu))
-    return [_Witness(menu, after, menu in counted)]
+    plain = {menu for menu, rows in row_changes.items() if rows and not counting_rows(menu).queries}
+    countable_menus = {menu for menu in plain if all(map(MENUS[menu].is_touchable, after.rows[menu]))}
+    menu = min(row_changes, key=lambda menu: (menu not in countable_menus, len(after.rows[menu]), menu))
+    return [_Witness(menu, after, menu in countable_menus)]
 
 
 def _stands(witness: Sequence[_Witness], answers: Sequence[Reply]) -> bool:
@@ -515,7 +525,7 @@ async def _finish(work: RunContext, writer: Writer) -> None:
     The answers to both come in one round trip. If rows are missing in them, the reading may have come first, which
     proves nothing, and is repeated.
     """
-    seen = work.after or work.seen
+    observation = work.after or work.observation
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
     answers: tuple[Reply, ...] = ()
     turns = list(writer.turns(work.stages.finish))
@@ -524,11 +534,11 @@ async def _finish(work: RunContext, writer: Writer) -> None:
         answers = await _send(work, writer, turn, (*map(printing, menus), *farewell))
         work.signed_off(farewell)
     answers = answers[: len(menus)]
-    work.after = merged(seen, menus, answers)
+    work.after = merge_menus(observation, menus, answers)
     try:
         _compare(work, work.after, ())
-    except VerificationFailed:
-        work.after = merged(seen, menus, await work.channel.flight([printing(menu) for menu in menus]))
+    except VerificationError:
+        work.after = merge_menus(observation, menus, await work.channel.flight([printing(menu) for menu in menus]))
         _compare(work, work.after, ())
 
 
@@ -542,32 +552,32 @@ _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server
 """Menus that device-mode can forbid (manual, Device-mode)."""
 
 
-def missing(plan: Plan, observed: Observed, *, console: bool = False) -> tuple[str, ...]:
+def missing(plan: Plan, observation: Observation, *, console: bool = False) -> tuple[str, ...]:
     """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it.
 
     All that is missing is said at once.
     """
-    facts = observed.facts
+    facts = observation.facts
     return (
         *_policies(facts, (*POLICIES, "ssh") if console else POLICIES),
-        *_certificates(plan, observed),
+        *_certificates(plan, observation),
         *_features(plan, facts),
     )
 
 
-def _policies(facts: Facts, needed: Sequence[str]) -> Iterator[str]:
+def _policies(facts: Facts, required_policies: Sequence[str]) -> Iterator[str]:
     if not facts.policies:
         yield "the device does not tell what our user may do: it must be a local user with policy `policy`"
         return
-    lacking = [policy for policy in needed if policy not in facts.policies]
+    lacking = [policy for policy in required_policies if policy not in facts.policies]
     if lacking:
         yield f"our user may not {', '.join(lacking)}: its group needs these policies"
 
 
-def _certificates(plan: Plan, observed: Observed) -> Iterator[str]:
-    if CERTIFICATES not in observed.rows:
+def _certificates(plan: Plan, observation: Observation) -> Iterator[str]:
+    if CERTIFICATES not in observation.rows:
         return
-    there = {row.get("name") for row in observed.rows[CERTIFICATES]}
+    there = {row.get("name") for row in observation.rows[CERTIFICATES]}
     for action in plan.actions:
         name = dict(action.values).get("certificate", "")
         if name not in _NO_CERTIFICATE and name not in there:
@@ -580,8 +590,8 @@ def _features(plan: Plan, facts: Facts) -> Iterator[str]:
         if action.menu == SCHEDULER and action.verb is not Verb.REMOVE and (why := forbidden(facts)):
             yield f"{why}, so the job {action.subject} would never run: allow it with /system device-mode update"
         feature = _FEATURES.get(action.menu)
-        desired = dict(action.values).get("enabled") in ("yes", "true")
-        if feature is not None and desired and facts.device_mode.get(feature) in ("false", "no"):
+        is_enabled = dict(action.values).get("enabled") in ("yes", "true")
+        if feature is not None and is_enabled and facts.device_mode.get(feature) in ("false", "no"):
             yield (
                 f"device-mode {facts.device_mode.get('mode', '')} forbids {feature}: allow it with"
                 f" /system device-mode update {feature}=yes and press the button"

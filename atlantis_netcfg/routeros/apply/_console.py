@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros.api import Command, Refused, Reply, SessionLost
+from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros.api import Command, CommandError, Reply, SessionLost
 from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable, SafeModeHeld
 from atlantis_netcfg.routeros.safe_mode import Holder, NoSafeMode, ProtectionLost, held_by
 
@@ -61,22 +61,22 @@ class ConsoleSafeMode(NoSafeMode):
         except SafeModeHeld:
             await self.drop()
             raise held_by(await _somebody(session)) from None
-        except DeviceFailed:
+        except DeviceError:
             await self.drop()
             raise
-        return Holder(taken=True, ours=True, who=_US)
+        return Holder(is_taken=True, ours=True, who=_US)
 
     async def look(self, session: Channel) -> Holder:  # noqa: ARG002 - the console answers
         """Let the prompt be printed anew."""
         console = self._console
         if console is None:
-            return Holder(taken=False)
+            return Holder(is_taken=False)
         try:
             await in_thread(lambda: console.run(_LOOK, timeout_s=self.patience_s))
-        except DeviceFailed:
+        except DeviceError:
             await self.drop()
-            return Holder(taken=False)
-        return Holder(taken=console.safe, ours=console.safe, who=_US)
+            return Holder(is_taken=False)
+        return Holder(is_taken=console.safe, ours=console.safe, who=_US)
 
     async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
         """Ctrl+X again; then what was changed is read, which tells if it was unrolled instead."""
@@ -85,7 +85,7 @@ class ConsoleSafeMode(NoSafeMode):
             raise ProtectionLost("safe mode could not be released: its SSH session is over")
         try:
             await in_thread(console.release_safe_mode)
-        except DeviceFailed as failed:
+        except DeviceError as failed:
             await self.drop()
             raise ProtectionLost(f"safe mode could not be released: {failed}") from failed
         return await session.flight(witness) if witness else []
@@ -98,25 +98,27 @@ class ConsoleSafeMode(NoSafeMode):
         """Try to take it with a new console, and let go at once: nobody else holds it then."""
         await self.drop()
         try:
-            console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda opened: opened.close())
+            console = await in_thread(
+                lambda: self.opener(self.endpoint), undone=lambda new_console: new_console.close()
+            )
         except ConsoleUnreachable:
-            return Holder(taken=True, who="an SSH session of which nothing can be learnt")
+            return Holder(is_taken=True, who="an SSH session of which nothing can be learnt")
         try:
             await in_thread(console.take_safe_mode)
             await in_thread(console.release_safe_mode)
         except SafeModeHeld:
-            return Holder(taken=True, who=await _somebody(session))
-        except DeviceFailed:
-            return Holder(taken=True, who="an SSH session that was lost")
+            return Holder(is_taken=True, who=await _somebody(session))
+        except DeviceError:
+            return Holder(is_taken=True, who="an SSH session that was lost")
         finally:
             await in_thread(console.close)
-        return Holder(taken=False)
+        return Holder(is_taken=False)
 
     async def drop(self) -> None:
         """Close the console: with safe mode held its connection is dropped, which keeps nothing."""
         console, self._console = self._console, None
         if console is not None:
-            with suppress(DeviceFailed, OSError):
+            with suppress(DeviceError, OSError):
                 await in_thread(console.close)
 
 
@@ -137,7 +139,7 @@ async def _somebody(session: Channel) -> str:
     """Name those who are logged in on a console: safe mode before 7.18 does not say which of them has it."""
     try:
         reply = await session.command(_ACTIVE)
-    except (SessionLost, Refused):
+    except (SessionLost, CommandError):
         return "somebody"
     rows = [row for row in reply.rows if row.get("via", "").startswith(_CONSOLES)]
     names = dict.fromkeys(f"{row.get('via')}:{row.get('name')}@{row.get('address') or 'console'}" for row in rows)

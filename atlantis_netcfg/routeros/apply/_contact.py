@@ -6,9 +6,9 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.routeros.api import WINDOW, CertificateChanged, CertificateUnknown, Command, LoginRefused, Traffic
+from atlantis_netcfg.routeros.api import WINDOW, CertificateMismatch, CertificateUnknown, Command, LoginError, Traffic
 from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, DeviceJob, Unfit
 from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import jobs_of
@@ -48,7 +48,7 @@ class Contact:
         self._job = job
         self._open: list[Channel] = []
         self._traffic: list[Traffic] = []
-        self._endpoint = replace(job.endpoint, narrowed=self._narrowed, opening=self.opening)
+        self._endpoint = replace(job.endpoint, on_window_shrink=self._shrink_window, opening=self.opening)
 
     @property
     def traffic(self) -> Traffic:
@@ -67,15 +67,15 @@ class Contact:
         A certificate that is not the pinned one ends it at once, for that is another device; so does a refused login,
         unless we `insist`.
         """
-        another = (CertificateChanged, CertificateUnknown)
-        final = another if insist else (*another, LoginRefused)
-        failure = DeviceFailed(f"{self._job.name} was given no time to answer")
+        another = (CertificateMismatch, CertificateUnknown)
+        final = another if insist else (*another, LoginError)
+        failure = DeviceError(f"{self._job.name} was given no time to answer")
         for pause_s in self._pauses(patience_s):
             try:
                 return await self.open()
             except final:
                 raise
-            except DeviceFailed as failed:
+            except DeviceError as failed:
                 failure = failed
             self._say(f"{why}: waiting for an answer")
             await asyncio.sleep(pause_s)
@@ -83,10 +83,10 @@ class Contact:
 
     async def until_free(self, safe_mode: SafeMode, session: Channel, patience_s: float) -> Holder:
         """Wait until nobody holds safe mode, for the device may still have to undo what a dead session left open."""
-        holder = Holder(taken=False)
+        holder = Holder(is_taken=False)
         for pause_s in self._pauses(patience_s):
             holder = await safe_mode.free(session)
-            if not holder.taken or holder.ours:
+            if not holder.is_taken or holder.ours:
                 return holder
             self._say(f"{holder.who} holds safe mode: waiting until it is released or undone")
             await asyncio.sleep(pause_s)
@@ -116,10 +116,10 @@ class Contact:
         self._traffic.append(traffic)
         self._job.endpoint.opening(traffic)
 
-    def _narrowed(self) -> None:
+    def _shrink_window(self) -> None:
         """Go on in small batches: the device has fallen silent in a large one."""
         self._endpoint = replace(self._endpoint, window=WINDOW)
-        self._job.endpoint.narrowed()
+        self._job.endpoint.on_window_shrink()
         self.notes.append(
             f"the device fell silent with more than {WINDOW} questions at once: it was asked again,"
             f" and is asked {WINDOW} at once from now on"
@@ -141,7 +141,7 @@ class Contact:
         self._job.events(Event(self._job.name, Stage.WAITING, message))
 
 
-async def fitted(channel: Channel, job: DeviceJob) -> DeviceJob:
+async def choose_variant(channel: Channel, job: DeviceJob) -> DeviceJob:
     """Return the job with the state that fits the device; one round trip. Raises Unfit, SessionLost.
 
     A device with radios in both menus gets the state of the first of them that is declared.
@@ -149,14 +149,14 @@ async def fitted(channel: Channel, job: DeviceJob) -> DeviceJob:
     if job.fitting is None:
         return job
     replies = await channel.flight([Command(f"{menu}/print", ((".proplist", "default-name"),)) for menu in _MENUS])
-    found = []
+    radio_menus = []
     for menu, reply in zip(_MENUS, replies, strict=True):
         if reply.trap is not None and reply.trap.message.startswith(_MISSING):
             continue
-        if any(row.get("default-name") for row in reply.checked().rows):
-            found.append(menu)
-    for menu, desired in job.fitting.states.items():
-        if menu in found:
-            return replace(job, desired=desired, fitting=None)
-    message, hint = job.fitting.why(found)
+        if any(row.get("default-name") for row in reply.check().rows):
+            radio_menus.append(menu)
+    for menu, state in job.fitting.states.items():
+        if menu in radio_menus:
+            return replace(job, desired_state=state, fitting=None)
+    message, hint = job.fitting.why(radio_menus)
     raise Unfit(message, hint=hint)

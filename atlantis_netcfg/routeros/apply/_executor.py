@@ -11,16 +11,16 @@ from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
-from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop, fitted
+from atlantis_netcfg.routeros.apply._contact import Contact, choose_variant, completed_despite_stop
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
 from atlantis_netcfg.routeros.apply._protection import (
-    Interfered,
+    InterferenceError,
     Protection,
     ProtectionChoice,
     choose,
@@ -28,19 +28,36 @@ from atlantis_netcfg.routeros.apply._protection import (
     safe_mode_of,
 )
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._state import SAVING, SIGNS, claimed_by, digest, fetch, invalid, plan_hash, saved
-from atlantis_netcfg.routeros.apply._work import AGREE_APART, RunContext, cut, look, number_of, planned, unagreed
+from atlantis_netcfg.routeros.apply._state import (
+    SAVING,
+    SIGNS,
+    claimed_by,
+    digest,
+    fetch,
+    invalid,
+    parse_export,
+    plan_hash,
+)
+from atlantis_netcfg.routeros.apply._work import (
+    AGREE_APART,
+    RunContext,
+    build_journal_action,
+    cut,
+    find_missing_consent,
+    look,
+    number_of,
+)
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
 from atlantis_netcfg.routeros.guard import WAY_BACK, ManagementPath, moves_answers, objections, touches
-from atlantis_netcfg.routeros.link_use import in_use, is_order, tolerated
+from atlantis_netcfg.routeros.link_use import allow_link_use, in_use, is_order
 from atlantis_netcfg.routeros.observe import (
     BRIEF,
     CERTIFICATES,
     LATER,
     MenuMissing,
-    completed,
+    complete_observation,
     observe,
     read_bare,
     samples,
@@ -48,8 +65,8 @@ from atlantis_netcfg.routeros.observe import (
 )
 from atlantis_netcfg.routeros.planner import CannotPlan, newer_than_known, plan
 from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavailable
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
-from atlantis_netcfg.runs import DeviceObserved, Planned
+from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, READ_JOBS
+from atlantis_netcfg.runs import DeviceObservation, PlanRecord
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,29 +74,29 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command
 
 
-_FORGOTTEN = DriftHistory()
+_NO_HISTORY = DriftHistory()
 
 
 async def drift(work: RunContext) -> DeviceResult:
     """End with what differs; the device's history costs one round trip, and only where something has drifted."""
-    found = work.comparison = compared(work)
-    if found.drifted:
+    comparison = work.comparison = build_comparison(work)
+    if comparison.drift:
         reply = await work.channel.command(HISTORY)
         if reply.trap is None:
-            found = work.comparison = compared(work, DriftHistory(reply.rows))
-        result = work.result(Status.DRIFTED, _summary(found))
+            comparison = work.comparison = build_comparison(work, DriftHistory(reply.rows))
+        result = work.result(Status.DRIFTED, _summary(comparison))
     else:
-        result = work.result(Status.UNCHANGED, _as_declared_text(found))
+        result = work.result(Status.UNCHANGED, _as_declared_text(comparison))
     # Of the plan's notes only what holds for a look, too: the others are for whoever carries it out.
-    return replace(result, notes=(*newer_than_known(work.seen.facts.version), *work.notes))
+    return replace(result, notes=(*newer_than_known(work.observation.facts.version), *work.notes))
 
 
-def compared(work: RunContext, history: DriftHistory = _FORGOTTEN) -> Comparison:
+def build_comparison(work: RunContext, history: DriftHistory = _NO_HISTORY) -> Comparison:
     """Compare with the declaration, and with the last confirmed state as far as that can be read."""
-    found = compare(work.job.desired, work.seen, work.aim, _past(work), history)
-    left = work.left.differences()
-    menus = dict.fromkeys((*found.menus, *(difference.menu for difference in left)))
-    return replace(found, menus=tuple(menus), differences=(*found.differences, *left))
+    comparison = compare(work.job.desired_state, work.observation, work.aim, _past(work), history)
+    leftovers = work.leftovers.differences()
+    menus = dict.fromkeys((*comparison.menus, *(difference.menu for difference in leftovers)))
+    return replace(comparison, menus=tuple(menus), differences=(*comparison.differences, *leftovers))
 
 
 def _differs(work: RunContext) -> bool:
@@ -87,32 +104,32 @@ def _differs(work: RunContext) -> bool:
 
 
 def _past(work: RunContext) -> Past | None:
-    confirmed = work.job.confirmed
-    if confirmed is None:
+    saved_state = work.job.confirmed_state
+    if saved_state is None:
         return None
     if not _differs(work):
-        return Past(confirmed.run, confirmed.at, {})
+        return Past(saved_state.run, saved_state.at, {})
     try:
-        return Past.read(confirmed.run, confirmed.at, confirmed.text())
+        return Past.read(saved_state.run, saved_state.at, saved_state.text())
     except NetcfgError as error:
         if str(error) not in work.notes:
             work.notes.append(str(error))
         return None
 
 
-def _as_declared_text(found: Comparison) -> str:
-    beside = [item for item in found.differences if item.kind is DriftKind.FOREIGN]
-    hidden = [difference for difference in found.differences if difference.kind is DriftKind.HIDDEN]
+def _as_declared_text(comparison: Comparison) -> str:
+    beside = [item for item in comparison.differences if item.kind is DriftKind.FOREIGN]
+    hidden_secrets = [difference for difference in comparison.differences if difference.kind is DriftKind.HIDDEN]
     words = ["as declared"]
     if beside:
         words.append(f"{len(beside)} foreign row{'' if len(beside) == 1 else 's'} left alone as before")
-    if hidden:
-        words.append(f"{len(hidden)} secret{'' if len(hidden) == 1 else 's'} could not be compared")
+    if hidden_secrets:
+        words.append(f"{len(hidden_secrets)} secret{'' if len(hidden_secrets) == 1 else 's'} could not be compared")
     return "; ".join(words)
 
 
-def _summary(found: Comparison) -> str:
-    kinds = [difference.kind for difference in found.drifted]
+def _summary(comparison: Comparison) -> str:
+    kinds = [difference.kind for difference in comparison.drift]
     parts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in DriftKind if kind in kinds)
     return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the declaration: {parts}"
 
@@ -126,11 +143,11 @@ _STAND_BY = (
 )
 
 
-class Busy(DeviceFailed):
+class Busy(DeviceError):
     """Somebody's changes are still open on the device: not even `no changes needed` would be certain."""
 
 
-class Interrupted(DeviceFailed):
+class UserInterrupt(DeviceError):
     """The person who started the run has stopped it."""
 
 
@@ -151,7 +168,7 @@ async def converge(job: DeviceJob, *, mode: JobMode = JobMode.APPLY) -> DeviceRe
 async def _end(work: RunContext, result: DeviceResult) -> DeviceResult:
     try:
         await _remove_run_marker(work, result)
-        return work.ended(result)
+        return work.finish(result)
     finally:
         await _close(work)
 
@@ -166,7 +183,7 @@ async def _remove_run_marker(work: RunContext, result: DeviceResult) -> None:
 
     Where that cannot be done both go by themselves.
     """
-    if work.holding and not work.touched:
+    if work.holding and not work.has_sent_changes:
         await let_go(work)
     if work.session is not None and result.status is not Status.UNKNOWN:
         with suppress(NetcfgError):
@@ -183,14 +200,14 @@ async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
     except NetcfgError as failure:
         if mode in _READING:
             result = work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
-            return replace(result, reached=not isinstance(failure, Unreachable))
+            return replace(result, was_reached=not isinstance(failure, Unreachable))
         return await settle(work, failure)
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return replace(await settle(work, Interrupted("stopped by hand")), is_stopped=True)
+        return replace(await settle(work, UserInterrupt("stopped by hand")), is_stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
-        result = await settle(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
+        result = await settle(work, DeviceError(f"provision itself failed ({type(fault).__name__})"))
         exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT
         return replace(result, exit=exit_, fault=fault)
 
@@ -200,7 +217,7 @@ async def _run(work: RunContext, mode: JobMode) -> DeviceResult:
     await _observe(work, mode)
     if mode in _READING:
         return await _look(work, mode)
-    refusal = await _occupied(work, mode)
+    refusal = await _refuse_if_busy(work, mode)
     if refusal is not None:
         return refusal
     await _plan(work, mode)
@@ -212,14 +229,14 @@ async def _run(work: RunContext, mode: JobMode) -> DeviceResult:
 async def _look(work: RunContext, mode: JobMode) -> DeviceResult:
     """Say what a run would do, or what differs, and what is armed or open."""
     await _plan(work, mode)
-    work.busy = "; ".join(work.left.words())
-    work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.left.words()]
+    work.busy = "; ".join(work.leftovers.words())
+    work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.leftovers.words()]
     if mode is JobMode.DRIFT:
         _cost_policy(work, mode)
         return await drift(work)
     refusal = _refusal(work, mode)
-    work.comparison = compared(work)
-    return _planned(work) if refusal is None else replace(refusal, comparison=work.comparison)
+    work.comparison = build_comparison(work)
+    return _build_plan_result(work) if refusal is None else replace(refusal, comparison=work.comparison)
 
 
 def _refusal(work: RunContext, mode: JobMode) -> DeviceResult | None:
@@ -232,21 +249,21 @@ def _refusal(work: RunContext, mode: JobMode) -> DeviceResult | None:
 
 async def _as_declared(work: RunContext, mode: JobMode) -> DeviceResult:
     """Take away what runs that are over have left, and carry the plan out."""
-    removed = await _clear(work, mode)
+    removed_items = await _clear(work, mode)
     if work.aim.actions:
         return await _change(work)
-    if removed:
-        work.after = work.seen
-        return work.result(Status.CHANGED, f"as declared; removed {' and '.join(removed)}")
+    if removed_items:
+        work.after = work.observation
+        return work.result(Status.CHANGED, f"as declared; removed {' and '.join(removed_items)}")
     return work.result(Status.UNCHANGED, "no changes needed")
 
 
-def _planned(work: RunContext) -> DeviceResult:
+def _build_plan_result(work: RunContext) -> DeviceResult:
     """Say what a run would do; one that finds somebody at work would do nothing."""
-    words = "; ".join(work.left.words())
+    words = "; ".join(work.leftovers.words())
     if work.aim.actions:
         return work.result(Status.PLANNED, f"{_actions(work)} planned")
-    if work.left.safe_mode is not None:
+    if work.leftovers.safe_mode is not None:
         return work.result(Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
     if words:
         return work.result(Status.PLANNED, f"nothing to change but what a run has left: {words}")
@@ -268,19 +285,19 @@ async def _read_fitting(work: RunContext) -> None:
     """
     fitting = work.job.fitting
     if fitting is None or len(fitting.states) > 1:
-        work.job = await fitted(work.channel, work.job)
+        work.job = await choose_variant(work.channel, work.job)
         await _read(work)
         return
     (menu,) = fitting.states
     try:
         await _read(work)
     except MenuMissing:
-        await fitted(work.channel, work.job)  # says so if it is that of the radio
+        await choose_variant(work.channel, work.job)  # says so if it is that of the radio
         raise
-    if menu not in work.job.desired.menus or any(row.get("default-name") for row in work.seen.rows[menu]):
+    if menu not in work.job.desired_state.menus or any(row.get("default-name") for row in work.observation.rows[menu]):
         work.job = replace(work.job, fitting=None)
     else:
-        work.job = await fitted(work.channel, work.job)
+        work.job = await choose_variant(work.channel, work.job)
 
 
 def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
@@ -291,17 +308,23 @@ def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
 async def _read(work: RunContext) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
-    watched = [*WAY_BACK, SIGNS] if is_order(job.desired) else [path for path in GUARDED if path not in LATER]
-    brief = [path for path in BRIEF if work.brief and path in job.desired.entire]
-    work.before = await observe(work.channel, job.endpoint, job.desired.menus, watched, job.counted, brief=brief)
-    work.left = look(work.before)
-    work.job = replace(job, desired=tolerated(job.desired, work.before))
+    watched_menus = (
+        [*WAY_BACK, SIGNS] if is_order(job.desired_state) else [path for path in GUARDED if path not in LATER]
+    )
+    brief = [path for path in BRIEF if work.brief and path in job.desired_state.entire]
+    work.before = await observe(
+        work.channel, job.endpoint, job.desired_state.menus, watched_menus, job.counted_ports, brief=brief
+    )
+    work.leftovers = look(work.before)
+    work.job = replace(job, desired_state=allow_link_use(job.desired_state, work.before))
     use = in_use(work.before.jobs)
     if use is not None and not any(note.startswith(f"{use.link} is in use") for note in work.notes):
         work.notes.append(use.words(work.before.uptime_s))
     facts = work.before.facts
     work.record(
-        DeviceObserved(device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before))
+        DeviceObservation(
+            device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before)
+        )
     )
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
@@ -309,20 +332,20 @@ async def _read(work: RunContext) -> None:
 async def _plan(work: RunContext, mode: JobMode) -> None:
     """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
-    work.plan = plan(job.name, job.desired, work.seen)
+    work.plan = plan(job.name, job.desired_state, work.observation)
     if work.plan.actions:
         await _complete(work, mode)
-        work.plan = plan(job.name, job.desired, work.seen)
+        work.plan = plan(job.name, job.desired_state, work.observation)
         if not _is_read_enough(work):
             work.early = ()
-            work.before = await read_bare(work.channel, work.seen)
-            work.plan = plan(job.name, job.desired, work.seen)
+            work.before = await read_bare(work.channel, work.observation)
+            work.plan = plan(job.name, job.desired_state, work.observation)
         await _examine(work, mode)
     if job.bearer is not None:
-        work.estimate = estimate(work.plan, job.bearer, work.seen)
+        work.estimate = estimate(work.plan, job.bearer, work.observation)
     _protect(work)
-    unused = [f"the device does not use {row}" for row in invalid(work.seen)]
-    work.notes += [note for note in unused if note not in work.notes]
+    unused_notes = [f"the device does not use {row}" for row in invalid(work.observation)]
+    work.notes += [note for note in unused_notes if note not in work.notes]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
 
@@ -331,11 +354,15 @@ def _is_read_enough(work: RunContext) -> bool:
 
     Given up: what they hold is neither shown nor compared with the last confirmed state, but for a few of them.
     """
-    bare = {path for path, rows in work.seen.rows.items() if any(map(is_bare, rows))}
+    bare = {path for path, rows in work.observation.rows.items() if any(map(is_bare, rows))}
     if not bare:
         return True
     removed_alone = all(action.verb is Verb.REMOVE for action in work.aim.actions if action.menu in bare)
-    return removed_alone and work.seen.facts.has_safe_mode and not objections(work.aim, work.seen, _path(work))
+    return (
+        removed_alone
+        and work.observation.facts.has_safe_mode
+        and not objections(work.aim, work.observation, _path(work))
+    )
 
 
 async def _complete(work: RunContext, mode: JobMode) -> None:
@@ -346,22 +373,24 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
     Where nothing speaks against the plan yet, the state to be saved and the traces of others are read with it.
     """
     _protect(work)
-    takes = mode not in _READING and not work.left and not work.holding and safe_mode_first(work)
-    takes = takes and not unagreed(work.job, work.aim)
+    takes = mode not in _READING and not work.leftovers and not work.holding and safe_mode_first(work)
+    takes = takes and not find_missing_consent(work.job, work.aim)
     work.holding = work.holding or takes
-    requested, sampled = _questions(work, mode), samples(work.seen)
+    commands, sample_commands = _questions(work, mode), samples(work.observation)
     first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
-    parts = (work.safe_mode.taking if takes else (), requested, tuple(sampled.values()), first)
+    parts = (work.safe_mode.taking if takes else (), commands, tuple(sample_commands.values()), first)
     beside = [each for part in parts for each in part]
-    work.before, answers = await completed(work.channel, work.job.endpoint, work.seen, beside, _later(work))
+    work.before, answers = await complete_observation(
+        work.channel, work.job.endpoint, work.observation, beside, _later(work)
+    )
     remaining = iter(answers)
-    taking, examined, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
-    work.before = with_rows(work.before, sampled, sampling)
-    work.examination.answered(examined)
+    taking, examination_replies, sampling, work.early = (tuple(islice(remaining, len(part))) for part in parts)
+    work.before = with_rows(work.before, sample_commands, sampling)
+    work.examination.read_answers(examination_replies)
     if takes:
         try:
             round_trips = work.channel.traffic.round_trips
-            work.owner = (await work.safe_mode.taken(work.channel, taking)).who
+            work.owner = (await work.safe_mode.confirm_take(work.channel, taking)).who
             work.early = work.early if work.channel.traffic.round_trips == round_trips else ()
         except SafeModeUnavailable:
             work.holding = False
@@ -369,38 +398,38 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
 
 def _later(work: RunContext) -> Sequence[str]:
     """Menus of which it is known by now that the plan has to be judged by them."""
-    if is_order(work.job.desired) and moves_answers(work.aim, work.seen, _path(work)):
+    if is_order(work.job.desired_state) and moves_answers(work.aim, work.observation, _path(work)):
         return GUARDED
-    named = {name for action in work.aim.actions for name, _ in action.values}
-    return [path for path in LATER if path != CERTIFICATES or "certificate" in named]
+    value_names = {name for action in work.aim.actions for name, _ in action.values}
+    return [path for path in LATER if path != CERTIFICATES or "certificate" in value_names]
 
 
 def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
     if mode is JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
-    return work.examination.questions(work.aim.actions, work.seen.rows)
+    return work.examination.questions(work.aim.actions, work.observation.rows)
 
 
 def _is_too_dear(work: RunContext, mode: JobMode) -> bool:
     if work.job.cost_policy is None or work.job.bearer is None:
         return False
-    expected = estimate(work.aim, work.job.bearer, work.seen)
-    planned = mode is JobMode.PLAN
-    return work.job.cost_policy.judge(work.seen, expected, spends=True, planned=planned).refusal is not None
+    cost = estimate(work.aim, work.job.bearer, work.observation)
+    is_plan = mode is JobMode.PLAN
+    return work.job.cost_policy.judge(work.observation, cost, spends=True, is_plan=is_plan).refusal is not None
 
 
 def _may_go_on(work: RunContext, mode: JobMode) -> bool:
     """Tell whether nothing that was read so far speaks against the plan."""
-    agreed = work.job.agreed in (None, plan_hash(work.aim))
-    return agreed and not _is_too_dear(work, mode) and not objections(work.aim, work.seen, _path(work))
+    has_consent = work.job.agreed_hash in (None, plan_hash(work.aim))
+    return has_consent and not _is_too_dear(work, mode) and not objections(work.aim, work.observation, _path(work))
 
 
 async def _examine(work: RunContext, mode: JobMode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
-    while requested := _questions(work, mode):
+    while commands := _questions(work, mode):
         work.early = ()
-        work.examination.answered(await work.channel.flight(requested))
+        work.examination.read_answers(await work.channel.flight(commands))
     doubt = work.examination.doubt(work.aim.actions)
     if doubt and doubt not in work.notes and mode is not JobMode.DRIFT:
         work.notes.append(doubt)
@@ -411,7 +440,7 @@ def _cost_policy(work: RunContext, mode: JobMode) -> DeviceResult | None:
     if work.job.cost_policy is None:
         return None
     spends = bool(work.aim.actions) and mode is not JobMode.DRIFT
-    verdict = work.job.cost_policy.judge(work.seen, work.estimate, spends=spends, planned=mode is JobMode.PLAN)
+    verdict = work.job.cost_policy.judge(work.observation, work.estimate, spends=spends, is_plan=mode is JobMode.PLAN)
     for note in verdict.notes:
         work.notes.append(note)
         work.say(Stage.PLANNED, note)
@@ -422,23 +451,23 @@ def _cost_policy(work: RunContext, mode: JobMode) -> DeviceResult | None:
 
 def _judge(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
-    found = work.aim
-    lacking = missing(found, work.seen, console=work.protection is Protection.CONSOLE)
-    reasons, hint = [*objections(found, work.seen, _path(work)), *lacking], None
-    reasons += work.examination.objections(found.actions, work.job.desired.source)
-    if work.protection is Protection.NONE and not all(action.inert for action in found.actions):
-        if work.job.unprotected:
+    current_plan = work.aim
+    lacking = missing(current_plan, work.observation, console=work.protection is Protection.CONSOLE)
+    reasons, hint = [*objections(current_plan, work.observation, _path(work)), *lacking], None
+    reasons += work.examination.objections(current_plan.actions, work.job.desired_state.source)
+    if work.protection is Protection.NONE and not all(action.inert for action in current_plan.actions):
+        if work.job.allows_unprotected:
             work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")
         else:
-            reasons.append(_unprotected(work))
+            reasons.append(_describe_no_protection(work))
             hint = _STAND_BY
     if reasons:
         return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
     if mode is JobMode.PLAN:
         return None
-    if apart := unagreed(work.job, found):
+    if apart := find_missing_consent(work.job, current_plan):
         return work.result(Status.REFUSED, f"refused, nothing was changed: {apart}", hint=AGREE_APART)
-    if work.job.agreed is not None and work.job.agreed != plan_hash(found):
+    if work.job.agreed_hash is not None and work.job.agreed_hash != plan_hash(current_plan):
         return work.result(
             Status.REFUSED,
             "the device has changed since the plan was shown: nothing was changed",
@@ -447,38 +476,42 @@ def _judge(work: RunContext, mode: JobMode) -> DeviceResult | None:
     return None
 
 
-def _unprotected(work: RunContext) -> str:
-    local = " and touches the way by which the device is managed" if touches(work.aim, work.seen, _path(work)) else ""
+def _describe_no_protection(work: RunContext) -> str:
+    local = (
+        " and touches the way by which the device is managed"
+        if touches(work.aim, work.observation, _path(work))
+        else ""
+    )
     return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{local}"
 
 
 def _protect(work: RunContext) -> None:
     """Choose what takes the change back, and cut the plan for it."""
-    facts, job, found = work.seen.facts, work.job, work.aim
+    facts, job, current_plan = work.observation.facts, work.job, work.aim
     why = None
-    if found.actions and not facts.has_safe_mode:
+    if current_plan.actions and not facts.has_safe_mode:
         try:
-            work.script = inverse(work.seen, found)
+            work.script = inverse(work.observation, current_plan)
         except CannotInvert as problem:
             why = str(problem)
     seconds = work.estimate.seconds if work.estimate is not None else 0.0
-    work.choice = choose(found, facts, job, invertible=why, seconds=seconds)
-    work.stages = cut(found, work.protection)
-    if work.protection.holds and not work.stages.protected:
+    work.choice = choose(current_plan, facts, job, invertible=why, seconds=seconds)
+    work.stages = cut(current_plan, work.protection)
+    if work.protection.holds and not work.stages.pieces:
         work.choice = ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
-        work.stages = cut(found, Protection.NONE)
+        work.stages = cut(current_plan, Protection.NONE)
     if not work.holding:
         work.safe_mode = safe_mode_of(work.choice, job)
 
 
-async def _occupied(work: RunContext, mode: JobMode) -> DeviceResult | None:
+async def _refuse_if_busy(work: RunContext, mode: JobMode) -> DeviceResult | None:
     """Return the refusal of a device on which somebody's changes are still open.
 
     What a dead run of this computer has left is waited for, and its sign is ours from here on.
     """
     resumes = mode is JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
-    if busy is not None and not resumes and work.job.history.unfinished():
+    if busy is not None and not resumes and work.job.history.has_unfinished_run():
         work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
         await _until_undone(work)
         await _read(work)
@@ -486,19 +519,19 @@ async def _occupied(work: RunContext, mode: JobMode) -> DeviceResult | None:
     work.busy = str(busy) if busy is not None else ""
     if busy is not None:
         return work.result(Status.LEFT_AS_FOUND, f"{busy}: nothing was changed", hint=busy.hint)
-    work.sign = next((sign.id for sign in work.left.markers), None)
+    work.sign = next((sign.id for sign in work.leftovers.markers), None)
     return None
 
 
 async def _busy(work: RunContext, *, resumes: bool) -> Busy | None:
     """Say who may be at work on the device; None if nobody is, whatever a run that is over has left."""
-    left, resume = work.left, f"provision resume site={work.job.site}"
-    owner = left.safe_mode
-    other = work.signer.other(left.markers)
-    alive = left.alive(work.signer.is_over, bridge=False)
-    if owner is None and other is None and left and not work.seen.facts.has_safe_mode:
+    leftovers, resume = work.leftovers, f"provision resume site={work.job.site}"
+    owner = leftovers.safe_mode
+    other = work.signer.other(leftovers.markers)
+    alive = leftovers.alive(work.signer.is_over, bridge=False)
+    if owner is None and other is None and leftovers and not work.observation.facts.has_safe_mode:
         holder = await console_safe_mode(work.job).free(work.channel)
-        owner = holder.who if holder.taken else None
+        owner = holder.who if holder.is_taken else None
     if owner is not None:
         return Busy(
             f"{owner} holds safe mode, and there is only one",
@@ -506,8 +539,8 @@ async def _busy(work: RunContext, *, resumes: bool) -> Busy | None:
             f" itself, which this waits for:  {resume}",
         )
     if other is not None:
-        claimed = claimed_by(other, work.job.site)
-        return Busy(str(claimed), hint=claimed.hint)
+        conflict = claimed_by(other, work.job.site)
+        return Busy(str(conflict), hint=conflict.hint)
     if alive is not None and not resumes:
         return Busy(alive, hint=f"let it run, then run the same command again; this waits for it:  {resume}")
     return None
@@ -523,14 +556,14 @@ async def _until_undone(work: RunContext) -> None:
 
 def _has_to_run(work: RunContext) -> bool:
     """Tell whether a dead-man job is armed that may not be taken away: what it takes back is not as declared."""
-    job = work.left.armed(DEAD_MAN)
+    job = work.leftovers.find_job(DEAD_MAN)
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
 async def _taken_back(work: RunContext, mode: JobMode) -> None:
     """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
     patience = work.job.patience
-    await work.contact.until_fired(work.channel, ARMED, patience.undo_s + 2 * patience.dead_man_s)
+    await work.contact.until_fired(work.channel, READ_JOBS, patience.undo_s + 2 * patience.dead_man_s)
     await _read(work)
     await _plan(work, mode)
 
@@ -540,31 +573,33 @@ async def _clear(work: RunContext, mode: JobMode) -> tuple[str, ...]:
 
     A bridge's job stays: whether it is still needed, only a run that sees both ends knows.
     """
-    left = replace(work.left, jobs=tuple(job for job in work.left.jobs if job.name != PAIR))
-    if not left:
+    leftovers = replace(work.leftovers, jobs=tuple(job for job in work.leftovers.jobs if job.name != PAIR))
+    if not leftovers:
         return ()
     planned_before = plan_hash(work.aim)
-    removed = await left.remove(work.channel)
+    removed_items = await leftovers.remove(work.channel)
     work.sign = None
-    work.notes.append(f"removed {' and '.join(removed)}")
+    work.notes.append(f"removed {' and '.join(removed_items)}")
     await _read(work)
     await _plan(work, mode)
     if plan_hash(work.aim) != planned_before:
-        raise Interfered(
-            f"the device has become another while {' and '.join(removed)} went",
+        raise InterferenceError(
+            f"the device has become another while {' and '.join(removed_items)} went",
             hint="run the same command again: it plans from what is there now",
         )
-    return removed
+    return removed_items
 
 
 def _path(work: RunContext) -> ManagementPath:
-    job, facts = work.job, work.seen.facts
+    job, facts = work.job, work.observation.facts
     return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
 
 async def _change(work: RunContext) -> DeviceResult:
     actions = work.aim.actions
-    work.record(Planned(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(planned, actions))))
+    work.record(
+        PlanRecord(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(build_journal_action, actions)))
+    )
     await change(work)
     return work.result(Status.CHANGED, f"{_actions(work)} applied and verified")
 
@@ -573,8 +608,8 @@ async def _backup(work: RunContext) -> DeviceResult:
     """Save the device's own text of its state, and change nothing."""
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
-    found = saved(*await work.session.flight(SAVING))
-    text = found.text if found.text is not None else await fetch(work.session)
+    saved_export = parse_export(*await work.session.flight(SAVING))
+    text = saved_export.text if saved_export.text is not None else await fetch(work.session)
     work.job.journal.save(work.job.name, text)
     lines = text.count("\n")
     return work.result(Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")

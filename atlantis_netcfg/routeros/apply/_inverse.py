@@ -13,8 +13,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, Row, Verb
+from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, Row, Verb
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS, Menu
@@ -32,50 +32,52 @@ _FIRST = ("comment", "name", "chain", "action")
 """What is asked for first to tell rows apart."""
 
 
-class CannotInvert(DeviceFailed):
+class CannotInvert(DeviceError):
     """No script can take this plan back."""
 
 
-def inverse(seen: Observed, aim: Plan, *, with_secrets: bool = False) -> str:
-    """Return the lines that undo any part of `aim` on the device that was `seen`. Raises CannotInvert.
+def inverse(observation: Observation, aim: Plan, *, with_secrets: bool = False) -> str:
+    """Return the lines that undo any part of `aim` on the device that was `observation`. Raises CannotInvert.
 
     `with_secrets`: in clear, as the rows themselves hold them. The far end of a bridge needs that: a key that stayed
     new at one end would keep the link away.
     """
-    then = Observed(seen.facts, simulate(seen.rows, aim))
+    then = Observation(observation.facts, simulate(observation.rows, aim))
     try:
-        back = plan(aim.device, restoring(seen), then).actions
+        back = plan(aim.device, restoring(observation), then).actions
     except CannotPlan as problem:
         raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
     # Names of ports go back first, so that every line below speaks of them as they were.
-    then = Observed(seen.facts, after(then.rows, [each for each in back if each.layer is Layer.NAMES]))
+    then = Observation(observation.facts, after(then.rows, [each for each in back if each.layer is Layer.NAMES]))
     back = tuple(each for each in back if each.layer is not Layer.NAMES)
-    changes = _changes(back, seen, then, with_secrets=with_secrets)
-    lines = [*_names(aim.actions, seen), *changes, *_orders(back, aim.actions, seen, then)]
+    changes = _changes(back, observation, then, with_secrets=with_secrets)
+    lines = [*_names(aim.actions, observation), *changes, *_orders(back, aim.actions, observation, then)]
     text = "".join(f"{line}\n" for line in lines)
     if len(text.encode("utf-8", "surrogateescape")) > LIMIT:
         raise CannotInvert("the way back is too long for one script")
     return text
 
 
-def _names(forth: Sequence[Action], seen: Observed) -> list[str]:
+def _names(forth: Sequence[Action], observation: Observation) -> list[str]:
     """Give ports their names back, step by step: of two that have swapped theirs, one went round by another name."""
     lines: list[str] = []
-    rows = seen.rows
+    rows = observation.rows
     for action in (each for each in forth if each.layer is Layer.NAMES):
         names = [row["name"] for row in rows[action.menu] if row.get(".id") in action.ids]
         lines[:0] = [
-            _tried(f"{MENUS[action.menu].title} set {row_id} name={quote(name)}")
+            _ignore_errors(f"{MENUS[action.menu].title} set {row_id} name={quote(name)}")
             for row_id, name in zip(action.ids, names, strict=True)
         ]
         rows = after(rows, (action,))
     return lines
 
 
-def _changes(back: Sequence[Action], seen: Observed, then: Observed, *, with_secrets: bool) -> Iterator[str]:
-    lost = {
+def _changes(
+    back: Sequence[Action], observation: Observation, then: Observation, *, with_secrets: bool
+) -> Iterator[str]:
+    removed_rows = {
         path: [row for row in rows if row.get(".id", "") not in _ids(then.rows[path])]
-        for path, rows in seen.rows.items()
+        for path, rows in observation.rows.items()
     }
     for action in back:
         secrets = [value for name, value in action.values if name in action.secrets and value]
@@ -84,66 +86,72 @@ def _changes(back: Sequence[Action], seen: Observed, then: Observed, *, with_sec
         if not all(secret.strip("*") for secret in secrets):
             raise CannotInvert(f"a secret of {action.subject} cannot be read, and so not written back")
         if action.verb is Verb.REMOVE:
-            yield from (_removed(action, row_id, seen, then) for row_id in action.ids)
+            yield from (_render_removal(action, row_id, observation, then) for row_id in action.ids)
         elif action.verb is Verb.ADD:
-            yield _added_again(action, lost[action.menu], (*seen.rows[action.menu], *then.rows[action.menu]))
+            yield _added_again(
+                action, removed_rows[action.menu], (*observation.rows[action.menu], *then.rows[action.menu])
+            )
         elif action.verb is Verb.SET:
-            yield _tried(_line(action))
+            yield _ignore_errors(_line(action))
 
 
 def _ids(rows: Sequence[Row]) -> frozenset[str]:
     return frozenset(row.get(".id", "") for row in rows)
 
 
-def _removed(action: Action, row_id: str, seen: Observed, then: Observed) -> str:
+def _render_removal(action: Action, row_id: str, observation: Observation, then: Observation) -> str:
     menu = MENUS[action.menu]
     row = next(each for each in then.rows[action.menu] if each[".id"] == row_id)
-    found = _condition(menu, row, seen.rows.get(action.menu, ()))
-    return _tried(f"{menu.title} remove [find {found}]")
+    condition = _condition(menu, row, observation.rows.get(action.menu, ()))
+    return _ignore_errors(f"{menu.title} remove [find {condition}]")
 
 
-def _added_again(action: Action, lost: list[Row], known: Sequence[Row]) -> str:
+def _added_again(action: Action, removed_rows: list[Row], known_rows: Sequence[Row]) -> str:
     """Add a row again that the plan removes, unless it is still there, or again."""
     menu, values = MENUS[action.menu], dict(action.values)
-    gone = next(row for row in lost if all(menu.form(name, row) == menu.form(name, values) for name in values))
-    lost.remove(gone)
-    adding = _tried(_line(replace(action, before=None)))
+    removed_row = next(
+        row for row in removed_rows if all(menu.form(name, row) == menu.form(name, values) for name in values)
+    )
+    removed_rows.remove(removed_row)
+    adding = _ignore_errors(_line(replace(action, before=None)))
     with suppress(CannotInvert):
-        again = _condition(menu, gone, [row for row in known if row is not gone])
+        again = _condition(menu, removed_row, [row for row in known_rows if row is not removed_row])
         adding = f":do {{ {menu.title} get [find {again}] comment }} on-error={{ {adding} }}"
-    return f":do {{ {menu.title} get {gone['.id']} comment }} on-error={{ {adding} }}"
+    return f":do {{ {menu.title} get {removed_row['.id']} comment }} on-error={{ {adding} }}"
 
 
-def _orders(back: Sequence[Action], forth: Sequence[Action], seen: Observed, then: Observed) -> Iterator[str]:
+def _orders(
+    back: Sequence[Action], forth: Sequence[Action], observation: Observation, then: Observation
+) -> Iterator[str]:
     """Put every row of a reordered first-match menu where it stood."""
-    stirred = {action.menu for action in back if action.verb in (Verb.ADD, Verb.MOVE)}
-    stirred |= {action.menu for action in forth if action.verb is Verb.MOVE}
-    for path in sorted(path for path in stirred if MENUS[path].ordered):
+    reordered_menus = {action.menu for action in back if action.verb in (Verb.ADD, Verb.MOVE)}
+    reordered_menus |= {action.menu for action in forth if action.verb is Verb.MOVE}
+    for path in sorted(path for path in reordered_menus if MENUS[path].is_ordered):
         menu = MENUS[path]
-        rows = [row for row in seen.rows[path] if menu.is_touchable(row)]
-        kept = _ids(then.rows[path])
+        rows = [row for row in observation.rows[path] if menu.is_touchable(row)]
+        present_ids = _ids(then.rows[path])
         for row in rows:
             others = [each for each in rows if each is not row]
-            which = row[".id"] if row[".id"] in kept else f"[find {_condition(menu, row, others)}]"
-            yield _tried(f"{menu.title} move {which}")
+            which = row[".id"] if row[".id"] in present_ids else f"[find {_condition(menu, row, others)}]"
+            yield _ignore_errors(f"{menu.title} move {which}")
 
 
 def _condition(menu: Menu, row: Row, others: Sequence[Row]) -> str:
     """Return the shortest condition that is true of this row and of none of the others. Raises CannotInvert."""
     readable = [each.name for each in menu.fields if not each.unread and not each.secret and row.get(each.name)]
     rivals = [other for other in others if menu.is_touchable(other)]
-    chosen: list[str] = []
+    chosen_names: list[str] = []
     for name in (name for name in dict.fromkeys((*_FIRST, *menu.keys, *readable)) if name in readable):
-        left = [other for other in rivals if menu.form(name, other) == menu.form(name, row)]
-        if not chosen or len(left) < len(rivals):
-            chosen.append(name)
-            rivals = left
+        remaining_rivals = [other for other in rivals if menu.form(name, other) == menu.form(name, row)]
+        if not chosen_names or len(remaining_rivals) < len(rivals):
+            chosen_names.append(name)
+            rivals = remaining_rivals
         if not rivals:
-            return " ".join(f"{each}={_compared(row[each])}" for each in chosen)
+            return " ".join(f"{each}={_quote_operand(row[each])}" for each in chosen_names)
     raise CannotInvert(f"{menu.name_of(row)} in {menu.title} cannot be told from a row that is there already")
 
 
-def _compared(value: str) -> str:
+def _quote_operand(value: str) -> str:
     """Quote what would be read as an address or a time: compared with a text it would never be equal."""
     text = quote(value)
     return f'"{text}"' if text == value and set("/:") & set(value) else text
@@ -154,5 +162,5 @@ def _line(action: Action) -> str:
     return f"{menu.title} {console(action).removeprefix(f'{action.menu}/')}"
 
 
-def _tried(line: str) -> str:
+def _ignore_errors(line: str) -> str:
     return f":do {{ {line} }} on-error={{}}"

@@ -16,18 +16,18 @@ from atlantis_netcfg.runs import NoJournal, Recorder, SavedState
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.routeros._items import Desired
-    from atlantis_netcfg.routeros._types import Drift, Facts, Observed, PortCounts
+    from atlantis_netcfg.routeros._items import DesiredState
+    from atlantis_netcfg.routeros._types import Drift, Facts, Observation, PortCounts
     from atlantis_netcfg.routeros.console.types import Console
     from atlantis_netcfg.routeros.drift import Comparison
     from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.api._values import Channel
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._items import DesiredState
 
 
 class JobMode(StrEnum):
@@ -78,21 +78,21 @@ _EXITS = {
 class History(Protocol):
     """What the journal of this computer tells of earlier runs on the device; `journal.DeviceHistory` is one."""
 
-    def unfinished(self) -> bool:
+    def has_unfinished_run(self) -> bool:
         """Whether a run of this computer has died there, or has left its outcome open."""
 
-    def signed(self, run: str, sign: str) -> bool:
+    def can_take_over(self, run: str, sign: str) -> bool:
         """Whether a sign on the device is of a dead run that may be taken over."""
 
 
 class NoHistory:
     """For who knows of no earlier runs, or may not tell the dead ones from those at work."""
 
-    def unfinished(self) -> bool:
+    def has_unfinished_run(self) -> bool:
         """Know of none."""
         return False
 
-    def signed(self, run: str, sign: str) -> bool:  # noqa: ARG002 - as History has it
+    def can_take_over(self, run: str, sign: str) -> bool:  # noqa: ARG002 - as History has it
         """Recognise none."""
         return False
 
@@ -153,7 +153,7 @@ class DeviceJob:
 
     name: str
     endpoint: Endpoint
-    desired: Desired
+    desired_state: DesiredState
     """With `fitting`, what is taken for granted until the device has been asked."""
     fitting: StateVariants | None = None
     """What there is to choose from where the device decides; None: nothing."""
@@ -164,9 +164,9 @@ class DeviceJob:
     """What the session runs over, for the estimate; None: no estimate."""
     events: Subscriber = ignore
     journal: Recorder = field(default_factory=NoJournal)
-    agreed: str | None = None
+    agreed_hash: str | None = None
     """Hash of the plan that a person has agreed to: another one is not applied."""
-    confirmed: SavedState | None = None
+    confirmed_state: SavedState | None = None
     """The state that a run has read back last, to say since when something differs."""
     patience: Patience = Patience()
     connect: Connect = Session.open
@@ -178,15 +178,15 @@ class DeviceJob:
     nonce: str = field(default_factory=partial(token_hex, 3), compare=False)
     """Of this attempt alone: two laptops may begin in the same second, and have one address behind a NAT."""
     history: History = field(default_factory=NoHistory)
-    unprotected: bool = False
+    allows_unprotected: bool = False
     """A person has said that a change may be made although nothing would take it back."""
     remove_foreign: bool = False
     """A person has said that rows of others may go by the hundred from menus that are ours entirely."""
-    counted: tuple[str, ...] = ()
+    counted_ports: tuple[str, ...] = ()
     """Ports whose byte counters are read along, where that costs no round trip."""
     cost_policy: CostPolicy | None = None
     """Who says what the run may cost; None: it may cost anything."""
-    shows: Callable[[Observed], str] | None = None
+    shows: Callable[[Observation], str] | None = None
     """Says why the device does not do what the change was for, or nothing; None: the rows alone are what it is for."""
 
 
@@ -199,13 +199,13 @@ class DeviceResult:
     exit: ExitCode
     message: str
     hint: str | None = None
-    planned: int = 0
+    planned_count: int = 0
     """Actions of the plan."""
     rows: int = 0
     """Rows that they change: one action removes as many as go at once."""
     foreign_words: str = ""
     """What of the plan a person has to agree to apart; empty: nothing."""
-    confirmed: int = 0
+    confirmed_count: int = 0
     """Actions that were read back and are permanent."""
     diff: str = ""
     drift: tuple[Drift, ...] = ()
@@ -218,8 +218,8 @@ class DeviceResult:
     protection_words: str = ""
     """The same for a person, with the reason if it is not the best there is."""
     round_trips: int = 0
-    sent: int = 0
-    received: int = 0
+    sent_bytes: int = 0
+    received_bytes: int = 0
     seconds: float = 0.0
     facts: Facts | None = None
     sessions: int = 0
@@ -228,7 +228,7 @@ class DeviceResult:
     """The first and the last look at the byte counters of the job's ports, as far as it came."""
     busy: str = ""
     """Who is at work on the device besides this run, or what is left of them; empty: nobody was seen."""
-    reached: bool = True
+    was_reached: bool = True
     """Whether a session with it came about, or nobody tried."""
     left_open: bool = False
     """The device may still hold safe mode or a job of this run, though nothing was changed."""
@@ -241,15 +241,15 @@ class DeviceResult:
         """The result as JSON-able data."""
         return {
             "status": self.status.value,
-            "reached": self.reached,
+            "reached": self.was_reached,
             "exit": int(self.exit),
             "message": self.message,
             "hint": self.hint,
             "busy": self.busy,
-            "planned": self.planned,
+            "planned": self.planned_count,
             "rows": self.rows,
             "foreign_words": self.foreign_words,
-            "confirmed": self.confirmed,
+            "confirmed": self.confirmed_count,
             "diff": self.diff,
             "drift": [_drift(each) for each in self.drift],
             "comparison": None if self.comparison is None else self.comparison.as_dict(),
@@ -259,7 +259,7 @@ class DeviceResult:
             "protection": self.protection,
             "protection_words": self.protection_words,
             "round_trips": self.round_trips,
-            "bytes": {"sent": self.sent, "received": self.received},
+            "bytes": {"sent": self.sent_bytes, "received": self.received_bytes},
             "seconds": round(self.seconds, 3),
             "version": None if self.facts is None else str(self.facts.version),
             "board": None if self.facts is None else self.facts.board,
@@ -296,8 +296,8 @@ class CostPolicy(Protocol):
     The executor asks once, when it has read the device and made its plan, and never decides.
     """
 
-    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
-        """Say whether a run may go on; `spends`: it would send more than it has; `planned`: not before a person agrees.
+    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:
+        """Say whether a run may go on; `spends`: it would send more than it has; `is_plan`: not before a person agrees.
 
         Where it spends nothing more there is nothing to refuse.
         """
@@ -315,7 +315,7 @@ _MENUS = ("/interface/wireless", "/interface/wifi")
 _MISSING = ("no such command", "no such directory")
 
 
-class Unfit(DeviceFailed):
+class Unfit(DeviceError):
     """Nothing that is declared fits this device."""
 
 
@@ -327,7 +327,7 @@ class StateVariants:
     7.13 on without any radio of it. A radio of the board has a `default-name`, a virtual one has not.
     """
 
-    states: Mapping[str, Desired]
+    states: Mapping[str, DesiredState]
     """Menu of the radio to what the device should then hold."""
     why: Callable[[Collection[str]], tuple[str, str]]
     """Given the menus in which the device has radios: why none of the states fits, and what to do about it."""

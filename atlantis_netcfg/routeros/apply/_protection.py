@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.safe_mode import ApiSafeMode, NoSafeMode, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import forbidden
 
@@ -43,7 +43,7 @@ class Protection(StrEnum):
         return self in (Protection.SAFE_MODE, Protection.CONSOLE)
 
 
-class Interfered(DeviceFailed):
+class InterferenceError(DeviceError):
     """Somebody else has changed the device since we read it: what we planned does not fit any more."""
 
 

@@ -23,7 +23,7 @@ _ACKNOWLEDGEMENT = re.compile(r"ok (\d+)")
 class Output:
     """What a script printed: the actions that it says were executed, and every other line."""
 
-    acknowledged: tuple[int, ...]
+    acknowledged_numbers: tuple[int, ...]
     words: str
 
 
@@ -64,12 +64,12 @@ def action_at(actions: Sequence[Action], line: int) -> Action | None:
 
 def output(text: str) -> Output:
     """Read what a script printed."""
-    acknowledged: list[int] = []
+    acknowledged_numbers: list[int] = []
     words: list[str] = []
     for line in text.splitlines():
         match = _ACKNOWLEDGEMENT.fullmatch(line.strip())
         if match is not None:
-            acknowledged.append(int(match[1]))
+            acknowledged_numbers.append(int(match[1]))
         elif line.strip():
             words.append(line.strip())
-    return Output(tuple(acknowledged), " ".join(words))
+    return Output(tuple(acknowledged_numbers), " ".join(words))

@@ -9,36 +9,36 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
-from atlantis_netcfg.routeros._types import Observed, Verb
-from atlantis_netcfg.routeros.api import Refused, SessionLost, Unreachable
-from atlantis_netcfg.routeros.apply._change import VerificationFailed, change
+from atlantis_netcfg.routeros._types import Observation, Verb
+from atlantis_netcfg.routeros.api import CommandError, SessionLost, Unreachable
+from atlantis_netcfg.routeros.apply._change import VerificationError, change
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._protection import Interfered, Protection, ProtectionChoice, safe_mode_of
+from atlantis_netcfg.routeros.apply._protection import InterferenceError, Protection, ProtectionChoice, safe_mode_of
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import RunContext, cut
-from atlantis_netcfg.routeros.apply._writer import ActionRefused
+from atlantis_netcfg.routeros.apply._writer import ActionError
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, disarm, jobs_of
-from atlantis_netcfg.runs import ActionsConfirmed, NoJournal, Unrolled
+from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, READ_JOBS, disarm, jobs_of
+from atlantis_netcfg.runs import ActionConfirmation, NoJournal, RollbackRecord
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Channel
 
-_SHOWN = 5
+_LIST_LIMIT = 5
 
 
 async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
     """End a run that failed for `reason`, as honestly as the device lets us."""
     work.say(Stage.FAILED, work.clean(str(reason)))
-    if not work.touched:
+    if not work.has_sent_changes:
         free = await let_go(work) and await _stood_down(work)
         hint = reason.hint if free else _stale(work)
         result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
-        return replace(result, left_open=not free, reached=not isinstance(reason, Unreachable))
+        return replace(result, left_open=not free, was_reached=not isinstance(reason, Unreachable))
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
@@ -60,11 +60,11 @@ async def let_go(work: RunContext) -> bool:
         await work.safe_mode.drop()
         return False
     try:
-        if work.touched:
+        if work.has_sent_changes:
             await work.safe_mode.unroll(session)
         elif (await work.safe_mode.look(session)).ours:
             await work.safe_mode.release(session, ())
-    except (SessionLost, Refused, ProtectionLost):
+    except (SessionLost, CommandError, ProtectionLost):
         # The device undoes it by itself as soon as it knows that the session is over.
         work.session = None
         await work.safe_mode.drop()
@@ -93,8 +93,8 @@ async def _stood_down(work: RunContext) -> bool:
 
 async def _disarm_ours(work: RunContext, job: str) -> None:
     """Take the job away; one that was sent and not read back is looked for, and may not be there."""
-    armed = jobs_of((await work.channel.command(ARMED)).checked().rows) if not job else ()
-    ours = [each.id for each in armed if each.name == DEAD_MAN and each.owner == work.signer.text]
+    armed_jobs = jobs_of((await work.channel.command(READ_JOBS)).check().rows) if not job else ()
+    ours = [each.id for each in armed_jobs if each.name == DEAD_MAN and each.owner == work.signer.text]
     for each in [job] if job else ours:
         await disarm(work.channel, each)
 
@@ -102,57 +102,61 @@ async def _disarm_ours(work: RunContext, job: str) -> None:
 async def _read_back(work: RunContext, reason: NetcfgError) -> DeviceResult:
     await let_go(work)
     while True:
-        result = await _decided(work, reason)
-        if work.dead_man is None or result.status is Status.UNKNOWN or await _disarmed(work):
+        result = await _decide(work, reason)
+        if work.dead_man is None or result.status is Status.UNKNOWN or await _disarm_dead_man(work):
             return result
 
 
-async def _disarmed(work: RunContext) -> bool:
+async def _disarm_dead_man(work: RunContext) -> bool:
     """Take the dead-man job away; False if it had run meanwhile, for then the device has to be read again."""
     job = work.dead_man
     if job is None:
         return True
     session, _, _ = (work.session, None, None) if work.session is not None else await _state(work)
     if session is None:
-        raise DeviceFailed("no session is left to take the dead-man job away")
+        raise DeviceError("no session is left to take the dead-man job away")
     in_time, _ = await disarm(session, job.id)
     work.dead_man = None
     return in_time
 
 
-async def _decided(work: RunContext, reason: NetcfgError) -> DeviceResult:
+async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
     session, holder, now = await _state(work)
-    changed = differing(work.seen, now)
-    if not changed:
+    changed_menus = differing(work.observation, now)
+    if not changed_menus:
         return _rolled_back(work, reason)
-    if holder.taken:
+    if holder.is_taken:
         return _unknown(
-            work, f"{reason}; {holder.who} still holds safe mode, and the device differs in {_names(changed)}"
+            work, f"{reason}; {holder.who} still holds safe mode, and the device differs in {_names(changed_menus)}"
         )
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
-        return _declared(work, reason)
-    if isinstance(reason, Interfered) or _is_foreign(work, now):
-        return _unknown(work, f"{reason}; somebody else has changed {_names(changed)}, which was left alone")
+        return _finish_as_desired(work, reason)
+    if isinstance(reason, InterferenceError) or _is_foreign(work, now):
+        return _unknown(work, f"{reason}; somebody else has changed {_names(changed_menus)}, which was left alone")
     if work.restores:
-        return _unknown(work, f"{reason}; the device differs in {_names(changed)}")
+        return _unknown(work, f"{reason}; the device differs in {_names(changed_menus)}")
     return await _put_back(work, reason, session, now)
 
 
-def _is_foreign(work: RunContext, now: Observed) -> bool:
+def _is_foreign(work: RunContext, now: Observation) -> bool:
     """Tell whether more is to be done than was planned: then not only this run has been at work.
 
     Rows of a first-match menu that were half written may also have to be moved, which tells nothing.
     """
     try:
-        left = plan(work.job.name, work.job.desired, now).actions
+        remaining_actions = plan(work.job.name, work.job.desired_state, now).actions
     except CannotPlan:
         return False
-    planned = {(action.menu, action.subject) for action in work.aim.actions}
-    return any((action.menu, action.subject) not in planned for action in left if action.verb is not Verb.MOVE)
+    planned_subjects = {(action.menu, action.subject) for action in work.aim.actions}
+    return any(
+        (action.menu, action.subject) not in planned_subjects
+        for action in remaining_actions
+        if action.verb is not Verb.MOVE
+    )
 
 
-async def _state(work: RunContext) -> tuple[Channel, Holder, Observed]:
+async def _state(work: RunContext) -> tuple[Channel, Holder, Observation]:
     """Read the device once nobody holds safe mode any more, over as many sessions as that takes."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.reach_s + patience.undo_s
@@ -161,7 +165,7 @@ async def _state(work: RunContext) -> tuple[Channel, Holder, Observed]:
             session = work.session or await work.contact.reach(patience.reach_s, "after a loss")
             work.session = session
             holder = await work.contact.until_free(work.safe_mode, session, patience.undo_s)
-            now = await observe(session, work.job.endpoint, work.job.desired.menus, tuple(work.seen.rows))
+            now = await observe(session, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
         except SessionLost:
             work.session = None
             if clock() >= until:
@@ -171,35 +175,35 @@ async def _state(work: RunContext) -> tuple[Channel, Holder, Observed]:
             return session, holder, now
 
 
-def _is_declared(work: RunContext, reason: NetcfgError, now: Observed) -> bool:
+def _is_declared(work: RunContext, reason: NetcfgError, now: Observation) -> bool:
     """Tell whether everything is there and may stay."""
-    if isinstance(reason, (VerificationFailed, ActionRefused)):
+    if isinstance(reason, (VerificationError, ActionError)):
         return False
     try:
-        left = plan(work.job.name, work.job.desired, now).actions
+        remaining_actions = plan(work.job.name, work.job.desired_state, now).actions
     except CannotPlan:
         return False
-    return not left and not set(invalid(now)) - set(invalid(work.seen))
+    return not remaining_actions and not set(invalid(now)) - set(invalid(work.observation))
 
 
 async def _is_reachable(work: RunContext) -> bool:
     """Prove by a new session that the way in is open: what stays must not depend on the session that wrote it."""
     try:
         session = await work.contact.reach(work.job.patience.verify_s, "proving the way in", insist=False)
-    except DeviceFailed:
+    except DeviceError:
         return False
     await work.contact.leave(session, wait=False)
     return True
 
 
-def _declared(work: RunContext, reason: NetcfgError) -> DeviceResult:
-    work.confirmed = len(work.aim.actions)
-    work.note(ActionsConfirmed(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
+def _finish_as_desired(work: RunContext, reason: NetcfgError) -> DeviceResult:
+    work.confirmed_count = len(work.aim.actions)
+    work.note(ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
     return work.result(Status.CHANGED, f"as declared: {_count(work)} read back, although: {reason}", hint=reason.hint)
 
 
 def _rolled_back(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
-    work.note(Unrolled(device=work.job.name, reason=work.clean(str(reason))))
+    work.note(RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
     return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
 
 
@@ -216,28 +220,28 @@ def _stale(work: RunContext) -> str:
     return f"{what}; then:  provision resume site={work.job.site}{run}"
 
 
-async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observed) -> DeviceResult:
+async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
     """Write the state that was observed at the start, guarded by safe mode like any other change."""
     work.say(Stage.APPLYING, "putting the state before the run back")
-    job = replace(work.job, desired=restoring(work.seen), journal=NoJournal(), agreed=None)
-    inner = RunContext(job, work.contact, work.started, restores=True, session=session, before=now)
+    job = replace(work.job, desired_state=restoring(work.observation), journal=NoJournal(), agreed_hash=None)
+    inner = RunContext(job, work.contact, work.start_time, restores=True, session=session, before=now)
     inner.choice = work.choice if work.protection.holds else ProtectionChoice(Protection.NONE)
     inner.safe_mode = safe_mode_of(inner.choice, job)
     try:
-        inner.plan = plan(job.name, job.desired, now)
+        inner.plan = plan(job.name, job.desired_state, now)
         inner.stages = cut(inner.plan, inner.protection)
         await change(inner)
     except NetcfgError as failed:
         outcome = await settle(inner, failed)
         if outcome.status is not Status.CHANGED:
             return await _left_to_the_job(work, reason, outcome.message)
-    left = differing(work.seen, inner.after or now)
-    if left:
-        return _unknown(work, f"{reason}; the old state was put back, but {_names(left)} still differ")
+    different_menus = differing(work.observation, inner.after or now)
+    if different_menus:
+        return _unknown(work, f"{reason}; the old state was put back, but {_names(different_menus)} still differ")
     return _rolled_back(work, reason, "put back by us")
 
 
-async def _left_to_the_job(work: RunContext, reason: NetcfgError, failed: str) -> DeviceResult:
+async def _left_to_the_job(work: RunContext, reason: NetcfgError, failure_message: str) -> DeviceResult:
     """Wait until the dead-man job has run, if one is armed: it does what we could not."""
     job = work.dead_man
     if job is not None:
@@ -245,14 +249,14 @@ async def _left_to_the_job(work: RunContext, reason: NetcfgError, failed: str) -
         work.say(Stage.WAITING, "waiting until the dead-man job has taken everything back", left_s)
         await asyncio.sleep(left_s)
         _, _, now = await _state(work)
-        if not differing(work.seen, now):
+        if not differing(work.observation, now):
             return _rolled_back(work, reason, "taken back by the dead-man job")
-    return _unknown(work, f"{reason}; putting the old state back failed: {failed}")
+    return _unknown(work, f"{reason}; putting the old state back failed: {failure_message}")
 
 
 def _names(menus: tuple[str, ...]) -> str:
-    more = f" and {len(menus) - _SHOWN} more menus" if len(menus) > _SHOWN else ""
-    return ", ".join(menus[:_SHOWN]) + more
+    more = f" and {len(menus) - _LIST_LIMIT} more menus" if len(menus) > _LIST_LIMIT else ""
+    return ", ".join(menus[:_LIST_LIMIT]) + more
 
 
 def _count(work: RunContext) -> str:

@@ -8,18 +8,18 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._items import Desired, RowItem, RunTime
+from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros._items import DesiredState, RowItem, RunTime
 from atlantis_netcfg.routeros.api import Command, Reply
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer
-from atlantis_netcfg.routeros.commands import executed
+from atlantis_netcfg.routeros.commands import script_command
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.core.versions import Version
-    from atlantis_netcfg.routeros._types import Observed, Plan, Row
+    from atlantis_netcfg.routeros._types import Observation, Plan, Row
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._job import DeviceJob
 
@@ -30,7 +30,7 @@ _BETWEEN, _END = "\x1f", "\x1e"
 """ASCII's separators of units and of records, for what is hashed."""
 
 
-def differing(before: Observed, now: Observed, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
+def differing(before: Observation, now: Observation, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
     """Return the menus (as a person writes them) whose configuration differs.
 
     What a device does to rows of ours by itself (`run_time`) is no difference where it is named.
@@ -43,11 +43,11 @@ def differing(before: Observed, now: Observed, run_time: Sequence[RunTime] = ())
     )
 
 
-def digest(observed: Observed) -> str:
+def digest(observation: Observation) -> str:
     """Return a hash of the configuration without its secrets, so that it may be written down."""
     state = hashlib.sha256()
-    for path in sorted(observed.rows):
-        rows = map(_BETWEEN.join, _content(path, observed, secrets=False))
+    for path in sorted(observation.rows):
+        rows = map(_BETWEEN.join, _content(path, observation, secrets=False))
         state.update(_END.join((path, *rows, _END)).encode(errors="surrogateescape"))
     return state.hexdigest()
 
@@ -55,26 +55,27 @@ def digest(observed: Observed) -> str:
 def plan_hash(plan: Plan) -> str:
     """Return a hash of what a person sees of a plan, so that the plan agreed to can be told from another one."""
     actions = [
-        (action.menu, action.verb, action.subject, action.ids, action.shown(), action.before) for action in plan.actions
+        (action.menu, action.verb, action.subject, action.ids, action.get_masked_values(), action.before)
+        for action in plan.actions
     ]
     return hashlib.sha256(json.dumps(actions).encode()).hexdigest()
 
 
-def invalid(observed: Observed) -> tuple[str, ...]:
+def invalid(observation: Observation) -> tuple[str, ...]:
     """Return the rows of ours that the device has taken but does not use, with its reason where it gives one."""
     return tuple(
         f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
-        for menu in map(MENUS.__getitem__, observed.rows)
-        for row in observed.rows[menu.path]
+        for menu in map(MENUS.__getitem__, observation.rows)
+        for row in observation.rows[menu.path]
         if menu.is_ours(row) and (row.get("invalid") in ("true", "yes") or row.get(".about", "").startswith("inactiv"))
     )
 
 
-def restoring(before: Observed) -> Desired:
+def restoring(before: Observation) -> DesiredState:
     """Return the observed state as something to declare: every row and every value, nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
     items = {menu.path: tuple(_items(menu, before.rows[menu.path], before.facts.version)) for menu in menus}
-    return Desired("the state before the run", items, frozenset(items), restores=True)
+    return DesiredState("the state before the run", items, frozenset(items), restores=True)
 
 
 def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[RowItem]:
@@ -95,30 +96,37 @@ def _values(menu: Menu, row: Row, version: Version) -> Mapping[str, str | None]:
 
 
 def _content(
-    path: str, observed: Observed, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
+    path: str, observation: Observation, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
 ) -> list[_Content]:
     """Return the rows of a menu; of first-match rows the order counts, but only among those of one chain."""
     menu = MENUS[path]
-    moved = [each for each in run_time if each.menu == path]
-    rows = [row for row in observed.rows.get(path, ()) if menu.is_touchable(row)]
+    run_times = [each for each in run_time if each.menu == path]
+    rows = [row for row in observation.rows.get(path, ()) if menu.is_touchable(row)]
     if menu.chain is not None:
         rows = sorted(rows, key=lambda row: row.get(menu.chain or "", ""))
-    shown = [each for each in menu.fields if not each.unread and (secrets or not each.secret)]
-    content = [_row(menu, _as_declared(menu, row, moved) if moved else row, shown) for row in rows]
-    return content if menu.ordered else sorted(content)
+    visible_fields = [each for each in menu.fields if not each.unread and (secrets or not each.secret)]
+    content = [_row(menu, _as_declared(menu, row, run_times) if run_times else row, visible_fields) for row in rows]
+    return content if menu.is_ordered else sorted(content)
 
 
-def _as_declared(menu: Menu, row: Row, moved: Iterable[RunTime]) -> Row:
+def _as_declared(menu: Menu, row: Row, run_times: Iterable[RunTime]) -> Row:
     """Return a row of ours with the declared values where the device has put others in their place."""
     if not menu.is_ours(row):
         return row
-    return {**row, **{each.name: each.declared for each in moved if each.covers(menu, each.name, each.declared, row)}}
+    return {
+        **row,
+        **{
+            each.name: each.declared_value
+            for each in run_times
+            if each.covers(menu, each.name, each.declared_value, row)
+        },
+    }
 
 
-def _row(menu: Menu, row: Row, shown: Iterable[Field]) -> _Content:
+def _row(menu: Menu, row: Row, fields: Iterable[Field]) -> _Content:
     """Return a row in canonical form; a property that is empty or at its default may be printed or left out."""
     return tuple(
-        menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in shown
+        menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in fields
     )
 
 
@@ -131,14 +139,14 @@ _ADDRESS = "192.0.2.1"
 CLAIMS = Command(f"{SIGNS}/print", ((".proplist", ".id,list,comment,timeout"),), (f"?list={_LIST}",))
 
 
-class Claimed(DeviceFailed):
+class ClaimConflict(DeviceError):
     """Another run is under way on this device."""
 
 
 def run_of(text: str) -> str:
     """Return the run that a sign or a job names; empty where it names none."""
-    named = re.match(r"run (\S+) of ", text)
-    return named[1] if named else ""
+    match = re.match(r"run (\S+) of ", text)
+    return match[1] if match else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,32 +188,32 @@ class RunSigner:
         who = f"{user}@{self.address}" if self.address else user
         return f"run {self.job.run} of {who} ({self.job.nonce})" if self.job.run else f"a run of {who}"
 
-    def other(self, found: Iterable[Sign]) -> Sign | None:
+    def other(self, candidates: Iterable[Sign]) -> Sign | None:
         """Return the sign of somebody else who may be at work; none of a dead run that may be taken over."""
-        return next((sign for sign in found if not self.is_over(sign.text)), None)
+        return next((sign for sign in candidates if not self.is_over(sign.text)), None)
 
     def is_over(self, text: str) -> bool:
         """Whether the run that a sign or a job names so is over for certain, so that what it has left may be taken."""
         run = run_of(text)
-        return text == self.text or bool(run and self.job.history.signed(run, text))
+        return text == self.text or bool(run and self.job.history.can_take_over(run, text))
 
 
 def signs(rows: Sequence[Row]) -> tuple[Sign, ...]:
     """Return the signs among the rows of the address lists."""
-    found = (row for row in rows if row.get("list") == _LIST)
-    return tuple(Sign(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in found)
+    sign_rows = (row for row in rows if row.get("list") == _LIST)
+    return tuple(Sign(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in sign_rows)
 
 
-def seen(observed: Observed) -> tuple[Sign, ...]:
+def read_signs(observation: Observation) -> tuple[Sign, ...]:
     """Return the signs on the device as it was read."""
-    return signs(observed.rows.get(SIGNS, ()))
+    return signs(observation.rows.get(SIGNS, ()))
 
 
-def claimed_by(sign: Sign, site: str) -> Claimed:
+def claimed_by(sign: Sign, site: str) -> ClaimConflict:
     """Say whose run it is, how long its sign stays, and how it is taken over."""
     stays = f"within {sign.timeout}" if sign.timeout else "within half an hour"
     over = f"; if that run has died, take over:  provision resume site={site} run={sign.run}" if sign.run else ""
-    return Claimed(
+    return ClaimConflict(
         f"{sign.text} is under way on this device, or has died there",
         hint=f"wait until it has ended, then type the same command again: the sign of a run that died goes by itself"
         f" {stays}{over}",
@@ -218,20 +226,20 @@ def claim(ours: str, seconds: float) -> Command:
     return Command(f"{SIGNS}/add", tuple(values.items()))
 
 
-async def claimed(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: RunSigner) -> str:
+async def confirm_claim(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: RunSigner) -> str:
     """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
 
     The sign of a dead run that may be taken over is replaced. Raises Claimed, Refused, SessionLost.
     """
     if reply.trap is not None:
-        rows = rows or (await session.command(CLAIMS)).checked().rows
+        rows = rows or (await session.command(CLAIMS)).check().rows
     other = signer.other(signs(rows))
     if other is not None:
         raise claimed_by(other, signer.job.site)
     if reply.trap is not None:
         await session.flight([withdrawing(row[".id"]) for row in rows])
         reply = await session.command(adding)
-    return reply.checked().ret or ""
+    return reply.check().ret or ""
 
 
 def withdrawing(sign: str) -> Command:
@@ -249,12 +257,12 @@ _PROBE = "atlantis"
 _NAME = "atlantis-before"
 _CHUNK = 32_768
 
-SAVING = (executed(f'/export\n:put "{_COMPLETE}"\n'), executed(f':put "{_PROBE}"\n'))
-"""Commands whose answers `saved` reads; they go wherever a round trip is under way."""
+SAVING = (script_command(f'/export\n:put "{_COMPLETE}"\n'), script_command(f':put "{_PROBE}"\n'))
+"""Commands whose answers `parse_export` reads; they go wherever a round trip is under way."""
 
 
 @dataclass(frozen=True, slots=True)
-class Saved:
+class SavedExport:
     """What the answers to SAVING hold.
 
     An export hides secrets unless asked otherwise, and is not asked otherwise: what is kept on a laptop for years is no
@@ -266,11 +274,11 @@ class Saved:
     writer: Writer
 
 
-def saved(export: Reply, probe: Reply) -> Saved:
+def parse_export(export: Reply, probe: Reply) -> SavedExport:
     """Read the answers to SAVING."""
     text = _whole(export.ret or "") if export.trap is None else None
     runs = text is not None or (probe.trap is None and (probe.ret or "").strip() == _PROBE)
-    return Saved(text, ScriptWriter() if runs else SentenceWriter())
+    return SavedExport(text, ScriptWriter() if runs else SentenceWriter())
 
 
 async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> str:
@@ -279,17 +287,17 @@ async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> s
     Before RouterOS 7.13 no file can be read over the API. Raises DeviceFailed if nothing can be saved.
     """
     try:
-        return await _exported(session)
-    except DeviceFailed:
+        return await _export_to_file(session)
+    except DeviceError:
         if instead is None:
             raise
         return instead()
 
 
-async def _exported(session: Channel) -> str:
-    made = await session.command(Command("/export", (("file", _NAME),)))
-    if made.trap is not None:
-        raise _impossible(made.trap.message)
+async def _export_to_file(session: Channel) -> str:
+    reply = await session.command(Command("/export", (("file", _NAME),)))
+    if reply.trap is not None:
+        raise _impossible(reply.trap.message)
     data = b""
     while True:
         chunk = await _chunk(session, len(data))
@@ -313,11 +321,11 @@ async def _chunk(session: Channel, offset: int) -> bytes:
 
 def _whole(text: str) -> str | None:
     """Return an export that was not cut off, with one newline at its end."""
-    body, found, rest = text.replace("\r\n", "\n").rpartition(_COMPLETE)
-    if not found or rest.strip() or not body.lstrip().startswith("#"):
+    body, end_marker, rest = text.replace("\r\n", "\n").rpartition(_COMPLETE)
+    if not end_marker or rest.strip() or not body.lstrip().startswith("#"):
         return None
     return body.strip() + "\n"
 
 
-def _impossible(words: str) -> DeviceFailed:
-    return DeviceFailed(f"the state before the change cannot be saved, so nothing is changed; the device says: {words}")
+def _impossible(words: str) -> DeviceError:
+    return DeviceError(f"the state before the change cannot be saved, so nothing is changed; the device says: {words}")

@@ -9,19 +9,19 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, complete
+from atlantis_netcfg.core.errors import DeviceError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, PortCounts, Verb
+from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, PortCounts, Verb
 from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Status
 from atlantis_netcfg.routeros.apply._protection import Protection, ProtectionChoice
-from atlantis_netcfg.routeros.apply._state import CLAIMS, RunSigner, Sign, plan_hash, seen, withdrawing
+from atlantis_netcfg.routeros.apply._state import CLAIMS, RunSigner, Sign, plan_hash, read_signs, withdrawing
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, Owner
 from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, DeadMan, disarm, jobs_of
-from atlantis_netcfg.runs import JournalFailed, Outcome, PlannedAction, Record, conclude, unrecorded
+from atlantis_netcfg.runs import JournalError, Outcome, PlannedAction, Record, conclude, mark_unrecorded
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command, Reply
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.estimate import Estimate
 
 
-_NAMED, _NAMING = True, False
+_FOUNDATION, _NAMING = True, False
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Stages:
     """The actions of a plan by how they are sent; within each in the order of the plan."""
 
     prepare: tuple[Action, ...] = ()
-    protected: tuple[tuple[Action, ...], ...] = ()
+    pieces: tuple[tuple[Action, ...], ...] = ()
     """Pieces, each within the budget of one safe mode."""
     finish: tuple[Action, ...] = ()
 
@@ -53,7 +53,7 @@ def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
     """
     if not protection.holds:
         return Stages(prepare=plan.actions)
-    ways = [_cut(plan, budget, outside) for outside in ((), (_NAMED,), (_NAMING,), (_NAMED, _NAMING))]
+    ways = [_cut(plan, budget, outside) for outside in ((), (_FOUNDATION,), (_NAMING,), (_FOUNDATION, _NAMING))]
     return min(ways, key=_cost)
 
 
@@ -63,14 +63,14 @@ def _cut(plan: Plan, budget: int, outside: Sequence[bool]) -> Stages:
     rest = [action for action in plan.actions if action not in out]
     return Stages(
         prepare=tuple(action for action in out if action.layer is Layer.FOUNDATION),
-        protected=tuple(_pieces(rest, budget)),
+        pieces=tuple(_pieces(rest, budget)),
         finish=tuple(action for action in out if action.layer is not Layer.FOUNDATION),
     )
 
 
 def _cost(stages: Stages) -> int:
     """Return round trips: a preparation also keeps safe mode from being taken beside the last reading."""
-    checkpoints = max(0, len(stages.protected) - 1)
+    checkpoints = max(0, len(stages.pieces) - 1)
     return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
 
 
@@ -80,13 +80,13 @@ def _harmless(action: Action) -> bool:
 
 def _pieces(actions: Sequence[Action], budget: int) -> Iterator[tuple[Action, ...]]:
     piece: list[Action] = []
-    left = budget
+    remaining_budget = budget
     for action in (part for whole in actions for part in _parts(whole, budget)):
-        if action.weight > left:
+        if action.weight > remaining_budget:
             yield tuple(piece)
-            piece, left = [], budget
+            piece, remaining_budget = [], budget
         piece.append(action)
-        left -= action.weight
+        remaining_budget -= action.weight
     if piece:
         yield tuple(piece)
 
@@ -103,7 +103,7 @@ AGREE_APART = (
 )
 
 
-def unagreed(job: DeviceJob, plan: Plan) -> str:
+def find_missing_consent(job: DeviceJob, plan: Plan) -> str:
     """Return why the plan needs a person's word of its own, and has none; empty: it may go on."""
     return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
 
@@ -115,7 +115,7 @@ def number_of(plan: Plan) -> str:
     return words if rows == number else f"{words} on {rows} rows"
 
 
-def planned(action: Action) -> PlannedAction:
+def build_journal_action(action: Action) -> PlannedAction:
     """Write an action for the journal, secrets masked."""
     return PlannedAction(
         number=action.number,
@@ -124,11 +124,11 @@ def planned(action: Action) -> PlannedAction:
         verb=action.verb.value,
         subject=action.subject,
         ids=action.ids,
-        values=action.shown(),
+        values=action.get_masked_values(),
     )
 
 
-def cleaned(text: str, actions: Iterable[Action]) -> str:
+def mask_secrets(text: str, actions: Iterable[Action]) -> str:
     """Mask secrets of a plan in a text of the device, should it ever repeat one."""
     for action in actions:
         for name, value in action.values:
@@ -137,7 +137,7 @@ def cleaned(text: str, actions: Iterable[Action]) -> str:
     return text
 
 
-def ended(job: DeviceJob, result: DeviceResult, read: Observed | None) -> DeviceResult:
+def record_outcome(job: DeviceJob, result: DeviceResult, read: Observation | None) -> DeviceResult:
     """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
 
     A journal that cannot be written is said in the result, which is not green then.
@@ -152,20 +152,20 @@ def ended(job: DeviceJob, result: DeviceResult, read: Observed | None) -> Device
     if read is not None:
         try:
             job.journal.confirm(job.name, partial(_state, job, read))
-        except JournalFailed as failure:
+        except JournalError as failure:
             # The state is missing for drift and for a replacement; the outcome itself may still be recorded.
             if str(failure) not in result.message:
                 result = replace(result, notes=(*result.notes, str(failure)))
-    return unrecorded(result, conclude(job.journal, outcome))
+    return mark_unrecorded(result, conclude(job.journal, outcome))
 
 
-def _state(job: DeviceJob, read: Observed) -> str:
+def _state(job: DeviceJob, read: Observation) -> str:
     """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
     try:
-        return snapshot.write(job.name, job.desired, read)
+        return snapshot.write(job.name, job.desired_state, read)
     except Exception as fault:
         why = f"provision itself failed ({type(fault).__name__})"
-        raise JournalFailed(f"the confirmed state cannot be written: {why}") from fault
+        raise JournalError(f"the confirmed state cannot be written: {why}") from fault
 
 
 IsOver = Callable[[str], bool]
@@ -210,14 +210,14 @@ class Leftovers:
             words = f"{sign.text} is under way on this device, or has died there"
             yield _open("/ip firewall address-list", "atlantis-run", Owner.RUN, words)
         for job in self.jobs:
-            yield _open("/system scheduler", job.name, Owner.RUN, _armed(job))
+            yield _open("/system scheduler", job.name, Owner.RUN, _describe_job(job))
 
     def alive(self, is_over: IsOver, *, bridge: bool = True) -> str | None:
         """Say which job may belong to a run that is alive, and for a device alone, which belongs to a bridge."""
         alive = (job for job in self.jobs if not is_over(job.owner) or (job.name == PAIR and not bridge))
-        return next(map(_armed, alive), None)
+        return next(map(_describe_job, alive), None)
 
-    def armed(self, name: str) -> ArmedJob | None:
+    def find_job(self, name: str) -> ArmedJob | None:
         """Return the job of this name."""
         return next((job for job in self.jobs if job.name == name), None)
 
@@ -230,21 +230,21 @@ class Leftovers:
         for job in self.jobs:
             await disarm(session, job.id)
         if self.markers:
-            removed = [sign.id for sign in self.markers]
-            *_, left = await session.flight([*map(withdrawing, removed), CLAIMS])
-            left = left if not left.rows else await session.command(CLAIMS)
-            if any(row.get(".id") in removed for row in left.rows):
-                raise DeviceFailed("the marker of a run that is over cannot be taken away")
+            removed_ids = [sign.id for sign in self.markers]
+            *_, reply = await session.flight([*map(withdrawing, removed_ids), CLAIMS])
+            reply = reply if not reply.rows else await session.command(CLAIMS)
+            if any(row.get(".id") in removed_ids for row in reply.rows):
+                raise DeviceError("the marker of a run that is over cannot be taken away")
         jobs = (f"the job {job.name} of {job.owner}" for job in self.jobs)
         return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
 
 
-def look(observed: Observed) -> Leftovers:
+def look(observation: Observation) -> Leftovers:
     """Return what was armed or open when the device was read."""
-    return Leftovers(observed.facts.safe_mode_owner, seen(observed), jobs_of(observed.jobs))
+    return Leftovers(observation.facts.safe_mode_owner, read_signs(observation), jobs_of(observation.jobs))
 
 
-def _armed(job: ArmedJob) -> str:
+def _describe_job(job: ArmedJob) -> str:
     return f"the job {job.name} of {job.owner} is armed, and {_WORDS[job.name]}"
 
 
@@ -267,17 +267,17 @@ class RunContext:
 
     job: DeviceJob
     contact: Contact
-    started: float
+    start_time: float
     restores: bool = False
     """This run puts an old state back after another one failed: it is not guarded, and not put back itself."""
     session: Channel | None = None
     """The session that changes the device; None before the first contact and after a loss."""
-    before: Observed | None = None
-    after: Observed | None = None
+    before: Observation | None = None
+    after: Observation | None = None
     """What the verifying session read."""
     brief: bool = False
     """Rows of others by the thousand are read bare: nothing that this run does needs more of them."""
-    left: Leftovers = field(default_factory=Leftovers)
+    leftovers: Leftovers = field(default_factory=Leftovers)
     """What was armed or open when the device was read."""
     plan: Plan | None = None
     examination: Examination = field(default_factory=Examination)
@@ -304,10 +304,10 @@ class RunContext:
     """Safe mode was asked for and may be ours."""
     owner: str = ""
     """What the device calls us while we hold safe mode."""
-    touched: bool = False
+    has_sent_changes: bool = False
     """A change was sent: the device may have executed it."""
-    acknowledged: set[int] = field(default_factory=set)
-    confirmed: int = 0
+    acknowledged_numbers: set[int] = field(default_factory=set)
+    confirmed_count: int = 0
     notes: list[str] = field(default_factory=list)
 
     @property
@@ -323,7 +323,9 @@ class RunContext:
     @property
     def counts(self) -> tuple[PortCounts, ...]:
         """The first and the last look at the ports' counters."""
-        looks = [look for seen in (self.before, self.after) if seen is not None for look in seen.counts]
+        looks = [
+            look for observation in (self.before, self.after) if observation is not None for look in observation.counts
+        ]
         looks += [self.last_look] if self.last_look is not None else []
         return (looks[0], looks[-1]) if looks else ()
 
@@ -335,7 +337,7 @@ class RunContext:
         return self.session
 
     @property
-    def seen(self) -> Observed:
+    def observation(self) -> Observation:
         """The device as it was before the run, where it has been read."""
         if self.before is None:
             raise RuntimeError("the device has not been read")
@@ -351,13 +353,13 @@ class RunContext:
     @property
     def complete(self) -> bool:
         """Every action was sent, and the device says that it executed it."""
-        return self.acknowledged >= {action.number for action in self.aim.actions}
+        return self.acknowledged_numbers >= {action.number for action in self.aim.actions}
 
     def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
         """Tell the subscriber."""
         total = len(self.plan.actions) if self.plan is not None else 0
-        data = {"acknowledged": len(self.acknowledged)}
-        self.job.events(Event(self.job.name, stage, message, self.confirmed, total, data, limit_s))
+        data = {"acknowledged": len(self.acknowledged_numbers)}
+        self.job.events(Event(self.job.name, stage, message, self.confirmed_count, total, data, limit_s))
 
     def record(self, record: Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
@@ -365,12 +367,12 @@ class RunContext:
 
     def note(self, record: Record) -> None:
         """Put a record on disk if that is possible: what it reports has happened in any case."""
-        with suppress(JournalFailed):
+        with suppress(JournalError):
             self.job.journal.write(record)
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
-        return cleaned(text, self.plan.actions if self.plan is not None else ())
+        return mask_secrets(text, self.plan.actions if self.plan is not None else ())
 
     def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
         """Say how it ended."""
@@ -381,10 +383,10 @@ class RunContext:
             exit=status.exit,
             message=complete(self.clean(message), site=self.job.site, device=self.job.name),
             hint=hint and complete(hint, site=self.job.site, device=self.job.name),
-            planned=len(plan.actions) if plan is not None else 0,
+            planned_count=len(plan.actions) if plan is not None else 0,
             rows=plan.weight if plan is not None else 0,
             foreign_words=plan.foreign_words if plan is not None else "",
-            confirmed=self.confirmed,
+            confirmed_count=self.confirmed_count,
             diff=plan.diff if plan is not None else "",
             drift=plan.drift if plan is not None else (),
             comparison=self.comparison,
@@ -394,9 +396,9 @@ class RunContext:
             protection=self.protection.value,
             protection_words=self.choice.words,
             round_trips=traffic.round_trips,
-            sent=traffic.sent,
-            received=traffic.received,
-            seconds=asyncio.get_running_loop().time() - self.started,
+            sent_bytes=traffic.sent_bytes,
+            received_bytes=traffic.received_bytes,
+            seconds=asyncio.get_running_loop().time() - self.start_time,
             facts=self.before.facts if self.before is not None else None,
             sessions=traffic.connections,
             counts=self.counts,
@@ -412,10 +414,10 @@ class RunContext:
         if farewell:
             self.sign = None
 
-    def ended(self, result: DeviceResult) -> DeviceResult:
+    def finish(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
         read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
-        whole = self.plan is not None and not self.job.desired.partial
-        result = ended(self.job, result, read if whole else None)
+        whole = self.plan is not None and not self.job.desired_state.partial
+        result = record_outcome(self.job, result, read if whole else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros._types import Action, Verb
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts
-from atlantis_netcfg.routeros.commands import executed, sentence
+from atlantis_netcfg.routeros.commands import script_command, sentence
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -33,16 +33,16 @@ _INDEPENDENT = frozenset({"/ip/dhcp-server/lease", "/ip/dns/static", "/ip/firewa
 _PLACE = re.compile(r"\(line (\d+) column \d+\)")
 
 
-class ActionRefused(DeviceFailed):
+class ActionError(DeviceError):
     """The device refused one action; those before it were executed."""
 
 
 @dataclass(frozen=True, slots=True)
-class Written:
+class WriteResult:
     """What became of one turn of writing."""
 
-    acknowledged: tuple[int, ...]
-    refused: str | None
+    acknowledged_numbers: tuple[int, ...]
+    refusal: str | None
     """The device's words, with the action they are about."""
     beside: tuple[Reply, ...]
     """Answers to what was asked in the same round trip: before, after or while the actions were executed."""
@@ -54,7 +54,7 @@ class Writer(Protocol):
     def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
         """Cut actions into turns: each costs one round trip."""
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
         """Send one turn, with other commands beside it, and say what became of it."""
 
 
@@ -74,14 +74,14 @@ class ScriptWriter:
         if turn:
             yield tuple(turn)
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
         """Run the scripts of one turn."""
         parts = list(scripts(turn))
-        answers = await session.flight([*(executed(text) for text, _ in parts), *beside])
+        answers = await session.flight([*(script_command(text) for text, _ in parts), *beside])
         result = [_output(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
-        done = dict.fromkeys(number for acknowledged, _ in result for number in acknowledged)
-        refused = next((words for _, words in result if words is not None), None)
-        return Written(tuple(done), refused, tuple(answers[len(parts) :]))
+        executed_numbers = dict.fromkeys(number for numbers, _ in result for number in numbers)
+        refusal = next((words for _, words in result if words is not None), None)
+        return WriteResult(tuple(executed_numbers), refusal, tuple(answers[len(parts) :]))
 
 
 class SentenceWriter:
@@ -94,21 +94,23 @@ class SentenceWriter:
             size = WINDOW - 1 if together else 1
             yield from (members[start : start + size] for start in range(0, len(members), size))
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> Written:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
         """Send the sentences at once."""
         answers = await session.flight([*(Command(*sentence(action)) for action in turn), *beside])
         replies, others = answers[: len(turn)], answers[len(turn) :]
-        done = tuple(action.number for action, reply in zip(turn, replies, strict=True) if reply.trap is None)
-        refused = next(
+        executed_numbers = tuple(
+            action.number for action, reply in zip(turn, replies, strict=True) if reply.trap is None
+        )
+        refusal = next(
             (_refusal(action, reply.trap.message) for action, reply in zip(turn, replies, strict=True) if reply.trap),
             None,
         )
-        return Written(done, refused, tuple(others))
+        return WriteResult(executed_numbers, refusal, tuple(others))
 
 
 def _kind(action: Action) -> tuple[bool, str, int]:
     """Return what actions have in common that may be sent together, and first whether any may."""
-    return action.verb is Verb.ADD and not MENUS[action.menu].ordered, action.menu, action.layer
+    return action.verb is Verb.ADD and not MENUS[action.menu].is_ordered, action.menu, action.layer
 
 
 def _independent(actions: Sequence[Action]) -> bool:
@@ -118,19 +120,19 @@ def _independent(actions: Sequence[Action]) -> bool:
 def _output(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
     """Return what a script acknowledged, and how it was stopped if it was."""
     result = output(reply.ret or "")
-    if reply.trap is None and list(result.acknowledged) == [action.number for action in turn]:
-        return result.acknowledged, None
+    if reply.trap is None and list(result.acknowledged_numbers) == [action.number for action in turn]:
+        return result.acknowledged_numbers, None
     words = reply.trap.message if reply.trap is not None else result.words
-    return result.acknowledged, _refusal(_culprit(turn, reply, len(result.acknowledged), words), words)
+    return result.acknowledged_numbers, _refusal(_culprit(turn, reply, len(result.acknowledged_numbers), words), words)
 
 
-def _culprit(turn: Sequence[Action], reply: Reply, acknowledged: int, words: str) -> Action | None:
+def _culprit(turn: Sequence[Action], reply: Reply, acknowledged_count: int, words: str) -> Action | None:
     """Find the action that stopped the script: by the line that the device names, else behind those it acknowledged."""
     place = _PLACE.search(words)
     if place is not None:
         return action_at(turn, int(place[1]))
-    lost = reply.trap is not None and not acknowledged
-    return None if lost or acknowledged >= len(turn) else turn[acknowledged]
+    is_lost = reply.trap is not None and not acknowledged_count
+    return None if is_lost or acknowledged_count >= len(turn) else turn[acknowledged_count]
 
 
 def _refusal(action: Action | None, words: str) -> str:

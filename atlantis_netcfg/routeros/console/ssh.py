@@ -28,10 +28,10 @@ from atlantis_netcfg.routeros.console.types import (
     COMMAND_S,
     CONNECT_S,
     Console,
+    ConsoleLoginError,
     ConsoleLost,
     ConsoleUnreachable,
-    HostKeyChanged,
-    LoginFailed,
+    HostKeyMismatch,
     Tally,
     UnknownHostKey,
     WireLost,
@@ -68,11 +68,11 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
                 hint=TRUST,
             )
         if self._pin != self.seen:
-            raise HostKeyChanged(
+            raise HostKeyMismatch(
                 f"{hostname}: the SSH host key is not the one of this device; pinned is {self._pin}, "
                 f"it showed {self.seen}",
-                pinned=self._pin,
-                seen=self.seen,
+                pinned_key=self._pin,
+                actual_key=self.seen,
                 hint="another device at this address, a reset device, or somebody in between: nothing was sent to it",
             )
 
@@ -83,7 +83,7 @@ logging.getLogger("paramiko").addHandler(logging.NullHandler())
 _CHUNK = 65536
 _MOST = 64 * 1024 * 1024
 """Bytes of one connection: nothing that is read of a device comes near."""
-_GONE = (OSError, EOFError, paramiko.SSHException)
+_CONNECTION_ERRORS = (OSError, EOFError, paramiko.SSHException)
 
 
 class _ConsoleConnection(MikrotikRouterOsSSH):  # type: ignore[misc,unused-ignore] # netmiko's types differ by version
@@ -103,7 +103,7 @@ class TcpSocket(socket.socket):
     """
 
     tally: Tally | None = None
-    received = 0
+    received_bytes = 0
 
     @classmethod
     def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally | None = None) -> TcpSocket:
@@ -130,8 +130,8 @@ class TcpSocket(socket.socket):
     def recv(self, size: int, flags: int = 0, /) -> bytes:
         """Receive as a socket does, and count."""
         data = super().recv(size, flags)
-        self.received += len(data)
-        if self.received > _MOST:
+        self.received_bytes += len(data)
+        if self.received_bytes > _MOST:
             raise OSError(errno.EMSGSIZE, f"more than {_MOST} bytes came")
         if data and self.tally is not None:
             self.tally.receive(len(data))
@@ -154,7 +154,7 @@ class SshWire:
             data = self._channel.recv(_CHUNK)
         except TimeoutError:
             return b""
-        except _GONE as error:
+        except _CONNECTION_ERRORS as error:
             raise WireLost from error
         if not data:
             raise WireLost
@@ -165,12 +165,12 @@ class SshWire:
         self._channel.settimeout(CONNECT_S)
         try:
             self._channel.sendall(data)
-        except _GONE as error:
+        except _CONNECTION_ERRORS as error:
             raise WireLost from error
 
     def close(self) -> None:
         """Drop the connection."""
-        with contextlib.suppress(*_GONE):
+        with contextlib.suppress(*_CONNECTION_ERRORS):
             self._connection.paramiko_cleanup()
 
     def hang_up(self) -> None:
@@ -179,7 +179,7 @@ class SshWire:
 
 
 @contextlib.contextmanager
-def connected(address: str, port: int) -> Iterator[None]:
+def translate_errors(address: str, port: int) -> Iterator[None]:
     """Say in our words why no session came about."""
     where = f"{address} port {port}"
     try:
@@ -187,7 +187,7 @@ def connected(address: str, port: int) -> Iterator[None]:
     except NetcfgError:
         raise
     except (NetmikoAuthenticationException, paramiko.AuthenticationException) as error:
-        raise LoginFailed(
+        raise ConsoleLoginError(
             f"{where}: the device did not accept the user name and password",
             hint="the factory's password is on the sticker of newer devices, and empty on older ones",
         ) from error
@@ -226,7 +226,7 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
     LoginFailed, ConsoleLost.
     """
     policy = PinnedKey(pin)
-    with connected(address, port):
+    with translate_errors(address, port):
         sock = TcpSocket.connect_to(address, port, timeout_s, tally)
         connection = _ConsoleConnection(
             sock=sock,
@@ -285,8 +285,8 @@ class Commands:
         transport = self._client.get_transport()
         return transport is not None and transport.is_active()
 
-    def run(self, command: str, *, given: str = "", timeout_s: float = COMMAND_S) -> CommandEnd:
-        """Run one command. What is secret goes into `given`, its standard input: a command line stands in `ps`.
+    def run(self, command: str, *, input_text: str = "", timeout_s: float = COMMAND_S) -> CommandEnd:
+        """Run one command. What is secret goes into `input_text`, its standard input: a command line stands in `ps`.
 
         Raises ConsoleLost if the connection broke; then nobody knows how far the command came.
         """
@@ -294,8 +294,8 @@ class Commands:
         try:
             with ended_after(self._client.close, timeout_s):
                 stdin, stdout, stderr = self._client.exec_command(command, timeout=timeout_s)
-                if given:
-                    stdin.write(given)
+                if input_text:
+                    stdin.write(input_text)
                 stdin.channel.shutdown_write()
                 out, error = (stream.read().decode("utf-8", "replace") for stream in (stdout, stderr))
                 end = CommandEnd(stdout.channel.recv_exit_status(), out, error)
@@ -333,7 +333,7 @@ def _client(  # noqa: PLR0913, PLR0917 - as above
     client.set_missing_host_key_policy(PinnedKey(pin))
     sock: TcpSocket | None = None
     try:
-        with connected(address, port), ended_after(client.close, 2 * timeout_s):
+        with translate_errors(address, port), ended_after(client.close, 2 * timeout_s):
             sock = TcpSocket.connect_to(address, port, timeout_s)
             client.connect(
                 address,

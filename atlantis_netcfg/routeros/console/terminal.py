@@ -21,11 +21,11 @@ from atlantis_netcfg.routeros.console.types import (
     COMMAND_S,
     CONNECT_S,
     Console,
+    ConsoleCommandError,
+    ConsoleLoginError,
     ConsoleLost,
-    ConsoleRefused,
     ConsoleUnreachable,
     ConsoleWire,
-    LoginFailed,
     SafeModeHeld,
     WireLost,
     parse_rows,
@@ -208,10 +208,10 @@ class Terminal:
 
         No licence is read, the default configuration stays for now, the password stays as it is.
         """
-        self._until(self._greeted, timeout_s, in_flight=False)
+        self._until(self._answer_greeting, timeout_s, in_flight=False)
         self._sync(timeout_s, in_flight=False)
 
-    def _greeted(self) -> bool:
+    def _answer_greeting(self) -> bool:
         tail = self._tail()
         if _LICENCE.search(tail):
             self._answer(b"n")
@@ -220,7 +220,7 @@ class Terminal:
         elif _ENTER.search(tail) or _DEFAULTS.search(tail):
             self._answer(ENTER)
         elif re.search(r"login failed|^login:\s*$", tail, re.IGNORECASE | re.MULTILINE):
-            raise LoginFailed(f"{self._name}: the device did not accept the user name and password")
+            raise ConsoleLoginError(f"{self._name}: the device did not accept the user name and password")
         return self._at_prompt()
 
     def _tail(self) -> str:
@@ -239,15 +239,15 @@ class Terminal:
         mark = f"atlantis-done-{next(self._numbers)}"
         self._screen.clear()
         self._send(f'{command}; :put "{mark}"'.encode("utf-8", "surrogateescape") + ENTER, in_flight=True)
-        self._until(lambda: self._marked(mark), timeout_s, in_flight=True)
+        self._until(lambda: self._has_mark(mark), timeout_s, in_flight=True)
         if mark not in self._screen.text():
             self._sync(timeout_s, in_flight=True)
         lines = [line.rstrip() for line in self._screen.text()]
-        done = mark in lines
-        output = self._output(lines, mark if done else None)
-        if not done:
-            words = _masked(" ".join(output.split()), secrets) or "no answer"
-            raise ConsoleRefused(f"{self._name}: the device refused a command: {words}", words=words)
+        is_done = mark in lines
+        output = self._output(lines, mark if is_done else None)
+        if not is_done:
+            words = _mask_secrets(" ".join(output.split()), secrets) or "no answer"
+            raise ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
         return output
 
     def ask(self, command: str, question: str, answer: str, *, timeout_s: float = COMMAND_S) -> None:
@@ -257,7 +257,7 @@ class Terminal:
         self._until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
         if question not in self._tail():
             words = " ".join(self._output([line.rstrip() for line in self._screen.text()], None).split())
-            raise ConsoleRefused(f"{self._name}: the device refused a command: {words}", words=words)
+            raise ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
         self._send(answer.encode(), in_flight=True)
 
     def rows(self, menu: str, *, where: str = "", timeout_s: float = COMMAND_S) -> list[dict[str, str]]:
@@ -266,7 +266,7 @@ class Terminal:
         output = self.run(f":put [{menu} print detail as-value{condition}]", timeout_s=timeout_s)
         return parse_rows(output.replace("\n", ""))
 
-    def _marked(self, mark: str) -> bool:
+    def _has_mark(self, mark: str) -> bool:
         """Whether the mark came and the prompt after it, or the prompt alone: then the line stopped at an error."""
         if mark in (line.rstrip() for line in self._screen.lines):
             return self._at_prompt()
@@ -276,12 +276,14 @@ class Terminal:
         """Lines between the echo and the mark; without a mark, those before the next prompt."""
         last = lines.index(mark) if mark is not None else len(lines)
         echo = next((place for place, line in enumerate(lines[:last]) if '; :put "atlantis-done-' in line), -1)
-        kept = [line for line in lines[echo + 1 : last] if _PROMPT.match(line) is None or "atlantis-" not in line]
-        while kept and (not kept[-1].strip() or _PROMPT.fullmatch(kept[-1])):
-            kept.pop()
-        while kept and not kept[0].strip():
-            kept.pop(0)
-        return "\n".join(line for line in kept if not _PROMPT.fullmatch(line))
+        output_lines = [
+            line for line in lines[echo + 1 : last] if _PROMPT.match(line) is None or "atlantis-" not in line
+        ]
+        while output_lines and (not output_lines[-1].strip() or _PROMPT.fullmatch(output_lines[-1])):
+            output_lines.pop()
+        while output_lines and not output_lines[0].strip():
+            output_lines.pop(0)
+        return "\n".join(line for line in output_lines if not _PROMPT.fullmatch(line))
 
     def _sync(self, timeout_s: float, *, in_flight: bool) -> None:
         """Make sure that the prompt is one that answers, and that nothing more of before comes."""
@@ -361,34 +363,34 @@ class Terminal:
 
     def _send(self, data: bytes, *, in_flight: bool) -> None:
         if self._lost:
-            raise self._gone("the session is over", in_flight=False)
+            raise self._loss_error("the session is over", in_flight=False)
         try:
             self._wire.write(data)
         except WireLost as error:
-            raise self._gone("the connection was lost", in_flight=in_flight) from error
+            raise self._loss_error("the connection was lost", in_flight=in_flight) from error
 
     def _receive(self, timeout_s: float, *, in_flight: bool) -> bytes:
         try:
             data = self._wire.read(timeout_s)
         except WireLost as error:
-            raise self._gone("the connection was lost", in_flight=in_flight) from error
+            raise self._loss_error("the connection was lost", in_flight=in_flight) from error
         self._screen.feed(data)
         if self._screen.size > MOST:
-            raise self._gone(f"it has sent more than {MOST} characters without an end", in_flight=in_flight)
+            raise self._loss_error(f"it has sent more than {MOST} characters without an end", in_flight=in_flight)
         if self._screen.replies:
             replies, self._screen.replies = self._screen.replies, b""
             self._send(replies, in_flight=in_flight)
         return data
 
-    def _until(self, reached: Callable[[], bool], timeout_s: float, *, in_flight: bool) -> None:
+    def _until(self, condition: Callable[[], bool], timeout_s: float, *, in_flight: bool) -> None:
         deadline = time.monotonic() + timeout_s
-        while not reached():
-            left = deadline - time.monotonic()
-            if left <= 0:
-                raise self._gone(f"no answer within {timeout_s:.0f} s", in_flight=in_flight)
-            self._receive(left, in_flight=in_flight)
+        while not condition():
+            remaining_s = deadline - time.monotonic()
+            if remaining_s <= 0:
+                raise self._loss_error(f"no answer within {timeout_s:.0f} s", in_flight=in_flight)
+            self._receive(remaining_s, in_flight=in_flight)
 
-    def _gone(self, why: str, *, in_flight: bool) -> ConsoleLost:
+    def _loss_error(self, why: str, *, in_flight: bool) -> ConsoleLost:
         self._lost = True
         self._wire.close()
         return ConsoleLost(
@@ -398,7 +400,7 @@ class Terminal:
         )
 
 
-def _masked(words: str, secrets: Sequence[Secret]) -> str:
+def _mask_secrets(words: str, secrets: Sequence[Secret]) -> str:
     for secret in secrets:
         if secret.reveal():
             words = words.replace(secret.reveal(), MASK)
@@ -411,7 +413,7 @@ _NUDGE_S = 2.0
 _SERIAL_QUIET_S = 0.2
 _LOGIN = re.compile(r"login:\s*\Z", re.IGNORECASE)
 _LOGIN_PASSWORD = re.compile(r"^\s*password:\s*\Z", re.IGNORECASE)
-_FAILED = re.compile(r"login failed|incorrect username or password", re.IGNORECASE)
+_LOGIN_ERROR = re.compile(r"login failed|incorrect username or password", re.IGNORECASE)
 _LOGGED_IN = re.compile(r"\][^\[\]<>]*(<SAFE>)?[ ]*>?[ ]*\Z")
 _QUESTION = re.compile(r"\[Y/n\]|new password>|default configuration", re.IGNORECASE)
 
@@ -495,8 +497,8 @@ class _Login:
         self._type(password.reveal().encode() + ENTER)
         while True:
             tail = self._tail()
-            if _FAILED.search("\n".join(self.screen.text())) or _LOGIN.search(tail):
-                raise LoginFailed(
+            if _LOGIN_ERROR.search("\n".join(self.screen.text())) or _LOGIN.search(tail):
+                raise ConsoleLoginError(
                     f"{self._name}: the device did not accept the user name and password",
                     hint="the factory's password is on the sticker of newer devices, and empty on older ones",
                 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,11 +76,11 @@ class Console(Protocol):
         """
 
 
-class ConsoleUnreachable(DeviceFailed):
+class ConsoleUnreachable(DeviceError):
     """No console came about (no route, no serial line, no answer); nothing was typed."""
 
 
-class UnknownHostKey(DeviceFailed):
+class UnknownHostKey(DeviceError):
     """The device was never met over SSH; it showed `fingerprint`, and no password was sent."""
 
     def __init__(self, message: str, *, fingerprint: str, hint: str | None = None) -> None:
@@ -88,20 +88,20 @@ class UnknownHostKey(DeviceFailed):
         self.fingerprint = fingerprint
 
 
-class HostKeyChanged(DeviceFailed):
+class HostKeyMismatch(DeviceError):
     """The SSH host key is not the pinned one; no password was sent."""
 
-    def __init__(self, message: str, *, pinned: str, seen: str, hint: str | None = None) -> None:
+    def __init__(self, message: str, *, pinned_key: str, actual_key: str, hint: str | None = None) -> None:
         super().__init__(message, hint=hint)
-        self.pinned = pinned
-        self.seen = seen
+        self.pinned_key = pinned_key
+        self.actual_key = actual_key
 
 
-class LoginFailed(DeviceFailed):
+class ConsoleLoginError(DeviceError):
     """The device did not take name and password."""
 
 
-class ConsoleRefused(DeviceFailed):
+class ConsoleCommandError(DeviceError):
     """The device refused one command; `words` are its own, the session lives on."""
 
     def __init__(self, message: str, *, words: str, hint: str | None = None) -> None:
@@ -109,7 +109,7 @@ class ConsoleRefused(DeviceFailed):
         self.words = words
 
 
-class ConsoleLost(DeviceFailed):
+class ConsoleLost(DeviceError):
     """The session is over, or silent for too long. `in_flight`: a command was typed and may have been done."""
 
     def __init__(self, message: str, *, in_flight: bool, hint: str | None = None) -> None:
@@ -117,7 +117,7 @@ class ConsoleLost(DeviceFailed):
         self.in_flight = in_flight
 
 
-class SafeModeHeld(DeviceFailed):
+class SafeModeHeld(DeviceError):
     """Another session holds safe mode; it was left alone."""
 
 

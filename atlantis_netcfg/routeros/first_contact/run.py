@@ -8,20 +8,20 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import TRUST, DeviceFailed, NetcfgError, OutcomeUnknown
+from atlantis_netcfg.core.errors import TRUST, DeviceError, NetcfgError, OutcomeUnknown
 from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.console.types import (
+    ConsoleLoginError,
     ConsoleLost,
     ConsoleUnreachable,
-    HostKeyChanged,
-    LoginFailed,
+    HostKeyMismatch,
     SafeModeHeld,
 )
 from atlantis_netcfg.routeros.first_contact.steps import (
     CERTIFICATE,
     FACTORY_USER,
-    Adopted,
+    AdoptionOutcome,
     AdoptionStatus,
     AdoptionStep,
     AdoptionTarget,
@@ -37,7 +37,7 @@ from atlantis_netcfg.routeros.first_contact.steps import (
     prepare,
     recognise,
 )
-from atlantis_netcfg.runs import ContactStep, ContactStepDone, DeviceObserved, Pinned, Pins, Recorder
+from atlantis_netcfg.runs import ContactStep, ContactStepDone, DeviceObservation, PinRecord, Pins, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -47,23 +47,23 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.rsc import Export
 
 
-class PreflightRefused(DeviceFailed):
+class PreflightError(DeviceError):
     """The device cannot become what is declared; nothing was touched. `errors` are all the reasons."""
 
     def __init__(self, objections: Sequence[Objection]) -> None:
         super().__init__("; ".join(item.message for item in objections))
-        self.errors = tuple(DeviceFailed(objection.message, hint=objection.hint) for objection in objections)
+        self.errors = tuple(DeviceError(objection.message, hint=objection.hint) for objection in objections)
 
 
-class NotFactoryFresh(DeviceFailed):
+class NotFactoryFresh(DeviceError):
     """Somebody has configured the device; nothing was touched."""
 
 
-class StillToMove(DeviceFailed):
+class StillToMove(DeviceError):
     """All is ready beside the old way in; nobody has come over the new one yet."""
 
 
-class Unfinished(DeviceFailed):
+class AdoptionIncomplete(DeviceError):
     """The device did not reach the adopted state although every command was accepted."""
 
 
@@ -105,16 +105,16 @@ class Objection:
     hint: str
 
 
-def features_of(desired: Export) -> dict[str, str]:
+def features_of(desired_export: Export) -> dict[str, str]:
     """Features of device-mode that a declared text needs, each with the menu that needs it."""
-    needed: dict[str, str] = {}
-    for statement in desired.statements:
+    features: dict[str, str] = {}
+    for statement in desired_export.statements:
         values = dict(statement.values)
         if statement.verb == "add" and statement.menu in _ROWS and values.get("disabled") != "yes":
-            needed.setdefault(_ROWS[statement.menu], statement.menu)
+            features.setdefault(_ROWS[statement.menu], statement.menu)
         if statement.menu in _SERVICES and values.get("enabled") == "yes":
-            needed.setdefault(_SERVICES[statement.menu], statement.menu)
-    return needed
+            features.setdefault(_SERVICES[statement.menu], statement.menu)
+    return features
 
 
 def objections(facts: BoxFacts, target: AdoptionTarget) -> tuple[Objection, ...]:
@@ -123,8 +123,8 @@ def objections(facts: BoxFacts, target: AdoptionTarget) -> tuple[Objection, ...]
 
 
 def _box(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]:
-    model, found = (target.model or "").lower(), facts.board.lower()
-    if model and found and model not in found and found not in model:
+    model, board = (target.model or "").lower(), facts.board.lower()
+    if model and board and model not in board and board not in model:
         yield Objection(
             f"{target.name} is declared as {target.model}, but this is a {facts.board} ({facts.architecture})",
             "plug into the right box, or correct `model` in its host_vars file",
@@ -158,7 +158,7 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
     mode = facts.device_mode
     if mode is None:
         return
-    called = mode.get("mode", "unknown")
+    mode_name = mode.get("mode", "unknown")
     forbidden = [name for name in target.features if mode.get(name) in ("false", "no")]
     if mode.get("flagged") in ("true", "yes"):
         yield Objection(
@@ -168,7 +168,7 @@ def _device_mode(facts: BoxFacts, target: AdoptionTarget) -> Iterator[Objection]
     if forbidden:
         menus = ", ".join(f"{name} (for {target.features[name]})" for name in forbidden)
         yield Objection(
-            f"device-mode `{called}` of this router forbids what {target.name} needs: {menus}",
+            f"device-mode `{mode_name}` of this router forbids what {target.name} needs: {menus}",
             _press(" ".join(f"{name}=yes" for name in forbidden)),
         )
 
@@ -192,23 +192,23 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
             f"{target.name}: {lost}",
             hint="run the same command again: first contact goes on where it was cut",
         ) from lost
-    except HostKeyChanged as changed:
-        raise HostKeyChanged(
+    except HostKeyMismatch as changed:
+        raise HostKeyMismatch(
             f"{target.name}: the SSH host key is not the one that was pinned at first contact; "
-            f"pinned is {changed.pinned}, it showed {changed.seen}",
-            pinned=changed.pinned,
-            seen=changed.seen,
+            f"pinned is {changed.pinned_key}, it showed {changed.actual_key}",
+            pinned_key=changed.pinned_key,
+            actual_key=changed.actual_key,
             hint="another device, or somebody in between: no password was sent to it\n"
             "if it is another box than before, or was reset on purpose: the same command with --replaced",
         ) from changed
     except SafeModeHeld as unavailable:
-        raise DeviceFailed(
+        raise DeviceError(
             f"{target.name}: somebody else holds safe mode on the device",
             hint="a session that was cut lets go after about 9 minutes; then run the same command again",
         ) from unavailable
 
 
-def cut_off(target: AdoptionTarget, step: AdoptionStep, lost: ConsoleLost) -> CutOff:
+def cut_off(target: AdoptionTarget, step: AdoptionStep, error: ConsoleLost) -> CutOff:
     """Say at which step the connection was lost."""
     hint = "run the same command again: first contact goes on where it was cut"
     if step.key == "management":
@@ -217,16 +217,16 @@ def cut_off(target: AdoptionTarget, step: AdoptionStep, lost: ConsoleLost) -> Cu
             "another one (not the first, which is for the internet), wait up to 9 minutes until the router has "
             "taken the change back, then run the same command again"
         )
-    return CutOff(f"{target.name}: the connection was lost at: {step.title} ({lost})", hint=hint)
+    return CutOff(f"{target.name}: the connection was lost at: {step.title} ({error})", hint=hint)
 
 
 def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
     """Say what somebody has configured, and how to take the device all the same."""
-    found = foreign(facts, target)
-    rest = f", and {len(found) - 5} more" if len(found) > 5 else ""  # noqa: PLR2004 - what a person takes in
+    foreign_items = foreign(facts, target)
+    rest = f", and {len(foreign_items) - 5} more" if len(foreign_items) > 5 else ""  # noqa: PLR2004 - what a person takes in
     return NotFactoryFresh(
         f"this device ({facts.board}) is not factory-fresh, so it was not touched; "
-        f"somebody has configured: {', '.join(found[:5])}{rest}",
+        f"somebody has configured: {', '.join(foreign_items[:5])}{rest}",
         hint="if it is really to become "
         f"{target.name}: the same command with --take-over saves its export first, then goes on",
     )
@@ -263,15 +263,15 @@ class ConsoleExecutor:
             self.journal.write(ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
             self.notify(Event(self.target.name, Stage.APPLYING, step.title))
             try:
-                self._type(step, console, guarded=step.guarded and not in_safe_mode)
+                self._type(step, console, is_guarded=step.is_guarded and not in_safe_mode)
             except ConsoleLost as lost:
                 raise cut_off(self.target, step, lost) from lost
             self.journal.write(ContactStepDone(device=self.target.name, step=step.key))
 
-    def _type(self, step: AdoptionStep, console: Console, *, guarded: bool) -> None:
-        size = GUARDED_LINES if guarded else len(step.lines)
+    def _type(self, step: AdoptionStep, console: Console, *, is_guarded: bool) -> None:
+        size = GUARDED_LINES if is_guarded else len(step.lines)
         for start in range(0, len(step.lines), size):
-            with safe(console) if guarded else nullcontext():
+            with safe(console) if is_guarded else nullcontext():
                 for line in step.lines[start : start + size]:
                     console.run(line.text, timeout_s=line.timeout_s, secrets=line.secrets)
 
@@ -316,22 +316,22 @@ class FirstContact:
     wait_s: float = 600.0
     """How long to wait for the laptop on the management port."""
     now: Callable[[], datetime] = field(default=lambda: datetime.now(UTC))
-    _agreed: bool = False
+    _has_known_key: bool = False
     """Whether the SSH host key that the device has to show was known before this run."""
 
     @property
     def _typist(self) -> ConsoleExecutor:
         return ConsoleExecutor(self.target, self.journal, self.notify)
 
-    def plan(self) -> Adopted:
+    def plan(self) -> AdoptionOutcome:
         """Look, judge, and tell the steps; nothing is changed or pinned."""
         with repeatable(self.target), self._console(None) as (console, _):
             facts, state = self._judge(console)
         if state is DeviceState.ADOPTED:
-            return Adopted(AdoptionStatus.ALREADY, state, facts=facts)
-        return Adopted(AdoptionStatus.PLANNED, state, self._titles(facts), facts=facts)
+            return AdoptionOutcome(AdoptionStatus.ALREADY, state, facts=facts)
+        return AdoptionOutcome(AdoptionStatus.PLANNED, state, self._titles(facts), facts=facts)
 
-    def adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
+    def adopt(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionOutcome:
         """Bring the device to the adopted state; `agree` raises if a person does not want the steps.
 
         Raises DeviceFailed with the device as it was, or as far as a repeated run goes on from; CutOff.
@@ -339,19 +339,19 @@ class FirstContact:
         with repeatable(self.target):
             return self._adopt(agree)
 
-    def _adopt(self, agree: Callable[[Adopted], None]) -> Adopted:
+    def _adopt(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionOutcome:
         with self._console(None) as (console, route):
-            facts, found = self._judge(console)
-            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {found}")
-            if found is DeviceState.ADOPTED:
+            facts, device_state = self._judge(console)
+            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {device_state}")
+            if device_state is DeviceState.ADOPTED:
                 return self._already(console, facts)
-            if not route.serial and not self._agreed:
+            if not route.serial and not self._has_known_key:
                 self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
-            planned = Adopted(AdoptionStatus.PLANNED, found, self._titles(facts), facts=facts)
-            agree(planned)
+            plan = AdoptionOutcome(AdoptionStatus.PLANNED, device_state, self._titles(facts), facts=facts)
+            agree(plan)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
             self.journal.save(self.target.name, state)
-            self._known()
+            self._record_host_key()
             self._prepare(console)
             pin = self._pin(console)
             by_factory = console.user != self.target.user
@@ -362,31 +362,31 @@ class FirstContact:
         with self._console(final) as (console, _):
             self._clear(console, final, pin)
             self._typist.do(close_door(look(console), self.target), console)
-            facts = self._settled(look(console))
+            facts = self._check_adoption(look(console))
         if final.serial:
             self._from_afar(pin, notes)
-        return Adopted(AdoptionStatus.ADOPTED, found, planned.steps, tuple(notes), facts)
+        return AdoptionOutcome(AdoptionStatus.ADOPTED, device_state, plan.steps, tuple(notes), facts)
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
     def _judge(self, console: Console) -> tuple[BoxFacts, DeviceState]:
         facts = look(console)
-        self._observed(facts)
+        self._record_observation(facts)
         state = recognise(facts, self.target, self.now())
         if state is not DeviceState.ADOPTED:
-            if refused := objections(facts, self.target):
-                raise PreflightRefused(refused)
+            if reasons := objections(facts, self.target):
+                raise PreflightError(reasons)
             if state is DeviceState.SOMEONES and not self.take_over:
                 raise not_fresh(self.target, facts)
         return facts, state
 
-    def _observed(self, facts: BoxFacts) -> None:
+    def _record_observation(self, facts: BoxFacts) -> None:
         identity = next(
             (dict(statement.values) for statement in facts.export.statements if statement.menu == "/system/identity"),
             {},
         )
         self.journal.write(
-            DeviceObserved(
+            DeviceObservation(
                 device=self.target.name, version=str(facts.version), identity=identity.get("name") or "", state=""
             )
         )
@@ -402,7 +402,7 @@ class FirstContact:
     def _console(self, route: ConsoleRoute | None) -> Iterator[tuple[Console, ConsoleRoute]]:
         """A console on `way` as our user; without a way: wherever and as whoever the device lets us in."""
         if route is None:
-            console, route = self._entered()
+            console, route = self._connect()
         else:
             console = route.open(self.target.user, self.target.password)
         try:
@@ -410,22 +410,22 @@ class FirstContact:
         finally:
             console.close()
 
-    def _entered(self) -> tuple[Console, ConsoleRoute]:
+    def _connect(self) -> tuple[Console, ConsoleRoute]:
         """Where the technician says; a device that was met before may be at its management address by now."""
         first, final = self.routes.first, self.routes.final
-        self._agreed = self.routes.host_key is not None
-        met = self.pins.get(self.target.name) is not None
-        if met and not first.serial:
-            with suppress(ConsoleUnreachable, LoginFailed):
+        self._has_known_key = self.routes.host_key is not None
+        has_pin = self.pins.get(self.target.name) is not None
+        if has_pin and not first.serial:
+            with suppress(ConsoleUnreachable, ConsoleLoginError):
                 return self._at_home(final), final
         self._tell(Stage.CONNECTING, f"to {first.label}")
         try:
-            return self._tried(first, ours_first=met), first
+            return self._log_in(first, ours_first=has_pin), first
         except ConsoleUnreachable:
-            if met or first.serial or first is final:
+            if has_pin or first.serial or first is final:
                 raise
             with suppress(ConsoleUnreachable):
-                return self._tried(final, ours_first=True), final
+                return self._log_in(final, ours_first=True), final
             raise
 
     def _at_home(self, final: ConsoleRoute) -> Console:
@@ -435,25 +435,25 @@ class FirstContact:
             final.prove(pin)
         return final.open(self.target.user, self.target.password)
 
-    def _tried(self, route: ConsoleRoute, *, ours_first: bool) -> Console:
+    def _log_in(self, route: ConsoleRoute, *, ours_first: bool) -> Console:
         """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
-        agreed = route.serial or self._agreed
-        if ours_first and agreed:
-            with suppress(LoginFailed):
+        is_trusted = route.serial or self._has_known_key
+        if ours_first and is_trusted:
+            with suppress(ConsoleLoginError):
                 return route.open(self.target.user, self.target.password)
         for password in self.factory_passwords():
-            with suppress(LoginFailed):
+            with suppress(ConsoleLoginError):
                 return route.open(FACTORY_USER, password)
-        if not agreed:
-            raise LoginFailed(
+        if not is_trusted:
+            raise ConsoleLoginError(
                 f"{route.label}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
                 f"password of {self.target.user} was not tried",
                 hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
             )
         try:
             return route.open(self.target.user, self.target.password)
-        except LoginFailed as failed:
-            raise LoginFailed(
+        except ConsoleLoginError as failed:
+            raise ConsoleLoginError(
                 f"{route.label}: the device let in neither {FACTORY_USER} nor {self.target.user}",
                 hint=_STICKER,
             ) from failed
@@ -491,7 +491,7 @@ class FirstContact:
 
     # --- trust -----------------------------------------------------------------------------------------------------
 
-    def _known(self) -> None:
+    def _record_host_key(self) -> None:
         """Record the host key: from here on the device is ours."""
         key = self.routes.host_key
         if key is not None and self.pins.host_key(self.target.name) != key:
@@ -502,21 +502,21 @@ class FirstContact:
         """Pin the certificate by what the console says: never by what TLS shows."""
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
-            raise Unfinished(
+            raise AdoptionIncomplete(
                 f"{self.target.name}: the device has not signed its certificate",
                 hint="run the same command again",
             )
         if self.pins.get(self.target.name) != pin:
             self.pins.change(self.target.name, pin)
             self._tell(Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
-        self.journal.write(Pinned(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
+        self.journal.write(PinRecord(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
-    def _already(self, console: Console, facts: BoxFacts) -> Adopted:
+    def _already(self, console: Console, facts: BoxFacts) -> AdoptionOutcome:
         if self.pins.get(self.target.name) is None or self.pins.host_key(self.target.name) is None:
-            self._known()
+            self._record_host_key()
             self._pin(console)
-        return Adopted(AdoptionStatus.ALREADY, DeviceState.ADOPTED, facts=facts)
+        return AdoptionOutcome(AdoptionStatus.ALREADY, DeviceState.ADOPTED, facts=facts)
 
     # --- the new way -----------------------------------------------------------------------------------------------
 
@@ -561,13 +561,13 @@ class FirstContact:
                 f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and "
                 "`provision site=…` verifies it"
             )
-        self._known()
+        self._record_host_key()
 
-    def _settled(self, facts: BoxFacts) -> BoxFacts:
+    def _check_adoption(self, facts: BoxFacts) -> BoxFacts:
         if recognise(facts, self.target, self.now()) is not DeviceState.ADOPTED:
-            left = ", ".join(self._titles(facts)) or "nothing that is known"
-            raise Unfinished(
-                f"{self.target.name}: every command was accepted, yet something is still to be done: {left}",
+            remaining_steps = ", ".join(self._titles(facts)) or "nothing that is known"
+            raise AdoptionIncomplete(
+                f"{self.target.name}: every command was accepted, yet something is still to be done: {remaining_steps}",
                 hint="run the same command again; if it says the same, look at the device with Winbox",
             )
         return facts

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.console.types import Console, ConsoleRefused, parse_rows
+from atlantis_netcfg.routeros.console.types import Console, ConsoleCommandError, parse_rows
 from atlantis_netcfg.routeros.rsc import Export, RscError, Statement, console_path, parse, quote
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
 
 
-CLEARED = (
+CLEARED_MENUS = (
     "/ip/dhcp-client",
     "/ipv6/dhcp-client",
     "/ip/firewall/nat",
@@ -56,7 +56,7 @@ _KNOWN_NAMES = {
     "/ip/pool": ("default-dhcp", "dhcp"),
     "/ip/dhcp-server": ("defconf", "default"),
 }
-_TOLERATED = {
+_TOLERATED_MENUS = {
     "/disk": None,
     "/disk/settings": None,
     "/interface/ethernet/switch": None,
@@ -100,10 +100,10 @@ def is_foreign(statement: Statement) -> bool:
         return False
     if statement.menu == "/ip/service":
         return statement.target != "api-ssl"
-    if statement.verb == "add" or statement.menu not in _TOLERATED:
+    if statement.verb == "add" or statement.menu not in _TOLERATED_MENUS:
         return True
-    allowed = _TOLERATED[statement.menu]
-    return allowed is not None and not set(values) <= set(allowed)
+    allowed_values = _TOLERATED_MENUS[statement.menu]
+    return allowed_values is not None and not set(values) <= set(allowed_values)
 
 
 def removable(menu: str, rows: tuple[Row, ...]) -> list[Row]:
@@ -111,8 +111,8 @@ def removable(menu: str, rows: tuple[Row, ...]) -> list[Row]:
 
     What this toolkit wrote stays, but for what was only meant for first contact.
     """
-    found = [row for row in rows if _goes(menu, row)]
-    return found[::-1]
+    removals = [row for row in rows if _goes(menu, row)]
+    return removals[::-1]
 
 
 def _goes(menu: str, row: Row) -> bool:
@@ -126,10 +126,10 @@ def _goes(menu: str, row: Row) -> bool:
 
 def resets(version: Version) -> Mapping[str, Mapping[str, str]]:
     """What the settings of a default configuration are without one (Manual, CLI reference of each menu)."""
-    discovered = "!dynamic" if version < Version(7, 0) else "static"
+    discover_list = "!dynamic" if version < Version(7, 0) else "static"
     return {
         "/ip/dns": {"allow-remote-requests": "no"},
-        "/ip/neighbor/discovery-settings": {"discover-interface-list": discovered},
+        "/ip/neighbor/discovery-settings": {"discover-interface-list": discover_list},
         "/tool/mac-server": {"allowed-interface-list": "all"},
         "/tool/mac-server/mac-winbox": {"allowed-interface-list": "all"},
         "/disk/settings": {"auto-media-interface": "none", "auto-media-sharing": "no", "auto-smb-sharing": "no"},
@@ -159,12 +159,12 @@ class ConsoleLine:
 
 @dataclass(frozen=True, slots=True)
 class AdoptionStep:
-    """Lines that belong together; `title` is for a person, `guarded` for safe mode."""
+    """Lines that belong together; `title` is for a person, `is_guarded` for safe mode."""
 
     key: str
     title: str
     lines: tuple[ConsoleLine, ...]
-    guarded: bool = False
+    is_guarded: bool = False
 
 
 def prepare(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> tuple[AdoptionStep, ...]:
@@ -183,14 +183,16 @@ def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
     """Remove the default configuration (and whatever stands in its menus); to be typed over the management port."""
     lines: list[ConsoleLine] = [*_radios_off(facts)]
     back = _resets(facts)
-    for menu in CLEARED:
+    for menu in CLEARED_MENUS:
         if menu == "/interface/list/member":
             lines += back
         lines += [ConsoleLine(f"{console_path(menu)} remove {row['.id']}") for row in removable(menu, facts.rows[menu])]
     if not lines:
         return ()
     return (
-        AdoptionStep("clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), guarded=True),
+        AdoptionStep(
+            "clear", f"remove the default configuration ({len(lines)} commands)", tuple(lines), is_guarded=True
+        ),
     )
 
 
@@ -236,14 +238,14 @@ def _clock(facts: BoxFacts, now: datetime) -> AdoptionStep | None:
 
 
 def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
-    password = f"password={_typed(target.password.reveal())}"
-    found = next((user for user in facts.users if user.get("name") == target.user), None)
-    if found is None:
+    password = f"password={_quote_value(target.password.reveal())}"
+    account = next((user for user in facts.users if user.get("name") == target.user), None)
+    if account is None:
         line = ConsoleLine(
             f"/user add name={quote(target.user)} group=full {password} comment=atlantis", (target.password,)
         )
         return AdoptionStep("user", f"add user {target.user} (group full)", (line,))
-    if found.get("group") == "full" and found.get("disabled") not in _TRUE:
+    if account.get("group") == "full" and account.get("disabled") not in _TRUE:
         return None
     line = ConsoleLine(f"/user set {quote(target.user)} group=full disabled=no {password}", (target.password,))
     return AdoptionStep("user", f"let user {target.user} in (group full)", (line,))
@@ -251,24 +253,27 @@ def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
 
 def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     """Self-signed: it is pinned, nobody follows a chain (Manual, Certificates: without `ca` it signs itself)."""
-    found = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
+    match = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
     sign = ConsoleLine(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
-    if found is None:
+    if match is None:
         names = quote(f"IP:{target.host},DNS:{target.name}")
         add = ConsoleLine(
             f"/certificate add name={CERTIFICATE} common-name={quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
         return AdoptionStep("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
-    if not found.get("fingerprint"):
+    if not match.get("fingerprint"):
         return AdoptionStep("certificate", f"sign certificate {CERTIFICATE} on the device", (sign,))
     return None
 
 
 def _service(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
-    found = next((row for row in facts.services if row.get("name") == "api-ssl" and "port" in row), {})
-    desired = {"certificate": CERTIFICATE, "port": str(target.api_port)}
-    if all(found.get(name) == value for name, value in desired.items()) and found.get("disabled") not in _TRUE:
+    service = next((row for row in facts.services if row.get("name") == "api-ssl" and "port" in row), {})
+    desired_values = {"certificate": CERTIFICATE, "port": str(target.api_port)}
+    if (
+        all(service.get(name) == value for name, value in desired_values.items())
+        and service.get("disabled") not in _TRUE
+    ):
         return None
     line = ConsoleLine(f"/ip service set api-ssl certificate={CERTIFICATE} disabled=no port={target.api_port}")
     return AdoptionStep("api-ssl", f"api-ssl with that certificate on port {target.api_port}", (line,))
@@ -279,7 +284,7 @@ def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     name = next((row.get("name", "") for row in facts.ethernets if row.get("default-name") == target.port), target.port)
     addresses = facts.rows["/ip/address"]
     there = any(row.get("address") == target.address and row.get("interface") == name for row in addresses)
-    lines = [*_freed(facts, name)]
+    lines = [*_free_port(facts, name)]
     stale = [row for row in addresses if row.get("address") == target.address and row.get("interface") != name]
     lines += [ConsoleLine(f"/ip address remove {row['.id']}") for row in stale if row.get("dynamic") not in _TRUE]
     if not there or lines:
@@ -289,10 +294,10 @@ def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
         lines.append(ConsoleLine(f"/ip address add {value} comment={quote(MARK)}"))
     title = f"management address {target.address} on {target.port}"
     soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
-    return AdoptionStep("management", title, soon, guarded=True) if lines else None
+    return AdoptionStep("management", title, soon, is_guarded=True) if lines else None
 
 
-def _freed(facts: BoxFacts, name: str) -> Iterator[ConsoleLine]:
+def _free_port(facts: BoxFacts, name: str) -> Iterator[ConsoleLine]:
     ethernet = next((row for row in facts.ethernets if row.get("name") == name), {})
     if ethernet.get("disabled") in _TRUE:
         yield ConsoleLine(f"/interface ethernet enable {quote(name)}")
@@ -325,7 +330,7 @@ def _resets(facts: BoxFacts) -> list[ConsoleLine]:
     return lines
 
 
-def _typed(value: str) -> str:
+def _quote_value(value: str) -> str:
     """A value for the command line; an empty one is refused bare."""
     return quote(value) if value else '""'
 
@@ -336,15 +341,17 @@ def recognise(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> DeviceS
     A device that is adopted may hold anything: it may have been provisioned since.
     """
     ours = any(user.get("name") == target.user for user in facts.users)
-    if ours and not prepare(facts, target, now) and not _left(facts) and not factory_users(facts, target):
+    if ours and not prepare(facts, target, now) and not _has_leftovers(facts) and not factory_users(facts, target):
         return DeviceState.ADOPTED
     if foreign(facts, target):
         return DeviceState.SOMEONES
-    marked = any("atlantis" in (dict(statement.values).get("comment") or "") for statement in facts.export.statements)
-    return DeviceState.HALF if ours or marked else DeviceState.FACTORY
+    has_marks = any(
+        "atlantis" in (dict(statement.values).get("comment") or "") for statement in facts.export.statements
+    )
+    return DeviceState.HALF if ours or has_marks else DeviceState.FACTORY
 
 
-def _left(facts: BoxFacts) -> bool:
+def _has_leftovers(facts: BoxFacts) -> bool:
     """Whether something of the default configuration, or of first contact, is still there."""
     return any(
         is_default(statement) or (dict(statement.values).get("comment") or "").startswith(TEMPORARY)
@@ -358,11 +365,11 @@ def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
     for statement in facts.export.statements:
         if is_foreign(statement):
             lines[statement.menu] = lines.get(statement.menu, 0) + 1
-    found = [f"{console_path(menu)} ({count})" for menu, count in lines.items()]
+    items = [f"{console_path(menu)} ({count})" for menu, count in lines.items()]
     users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, target.user)]
-    found += [f"user {name}" for name in users]
+    items += [f"user {name}" for name in users]
     certificates = [certificate.get("name", "") for certificate in facts.certificates]
-    return (*found, *(f"certificate {name}" for name in certificates if name not in target.certificates))
+    return (*items, *(f"certificate {name}" for name in certificates if name not in target.certificates))
 
 
 _NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")
@@ -374,13 +381,13 @@ def look(console: Console) -> BoxFacts:
     try:
         version = Version.parse(resource.get("version", ""))
     except ValueError as error:
-        raise DeviceFailed("the console does not answer like RouterOS: no version was read") from error
-    hidden = " hide-sensitive" if version < Version(7, 0) else ""
-    text = console.run(f"/export{hidden}")
+        raise DeviceError("the console does not answer like RouterOS: no version was read") from error
+    option = " hide-sensitive" if version < Version(7, 0) else ""
+    text = console.run(f"/export{option}")
     try:
         export = parse(text, "the device's export")
     except RscError as error:
-        raise DeviceFailed(f"the device's export could not be read: {error}") from error
+        raise DeviceError(f"the device's export could not be read: {error}") from error
     return BoxFacts(
         version=version,
         board=resource.get("board-name", ""),
@@ -392,7 +399,7 @@ def look(console: Console) -> BoxFacts:
         certificates=_rows(console, "/certificate"),
         services=_rows(console, "/ip/service"),
         ethernets=_rows(console, "/interface/ethernet"),
-        rows={menu: _rows(console, menu) for menu in CLEARED},
+        rows={menu: _rows(console, menu) for menu in CLEARED_MENUS},
         export=export,
         text=text,
     )
@@ -400,15 +407,15 @@ def look(console: Console) -> BoxFacts:
 
 def fingerprint(console: Console, certificate: str) -> str:
     """SHA-256 of a certificate on the device, as its console prints it; empty before it is signed."""
-    found = [row for row in _rows(console, "/certificate") if row.get("name") == certificate]
-    return found[0].get("fingerprint", "").replace(":", "").lower() if found else ""
+    matches = [row for row in _rows(console, "/certificate") if row.get("name") == certificate]
+    return matches[0].get("fingerprint", "").replace(":", "").lower() if matches else ""
 
 
 def _rows(console: Console, menu: str) -> tuple[Row, ...]:
     """Rows of a menu; none where this version or these packages do not have the menu."""
     try:
         return tuple(console.rows(console_path(menu)))
-    except ConsoleRefused as refused:
+    except ConsoleCommandError as refused:
         if refused.words.startswith(_NO_MENU):
             return ()
         raise
@@ -418,7 +425,7 @@ def _settings(console: Console, menu: str) -> Row | None:
     """The one row of a menu of settings, which have no `detail`."""
     try:
         rows = parse_rows(console.run(f":put [{console_path(menu)} print as-value]").replace("\n", ""))
-    except ConsoleRefused as refused:
+    except ConsoleCommandError as refused:
         if refused.words.startswith(_NO_MENU):
             return None
         raise
@@ -567,7 +574,7 @@ class AdoptionStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Adopted:
+class AdoptionOutcome:
     """What came of it; `notes` say what nobody has verified, and what to do now."""
 
     status: AdoptionStatus

@@ -91,9 +91,12 @@ def _user(before: State, after: State) -> Iterator[str]:
 
 
 def _group_harm(before: State, after: State) -> Iterator[str]:
-    lost = sorted((_policies(before) - _policies(after)) & POLICIES)
-    if lost and after.find("/user", "name", before.path.user) is not None:
-        yield f"/user group: {before.path.user} would lose the policies {', '.join(lost)}: keep them in its group"
+    lost_policies = sorted((_policies(before) - _policies(after)) & POLICIES)
+    if lost_policies and after.find("/user", "name", before.path.user) is not None:
+        yield (
+            f"/user group: {before.path.user} would lose the policies {', '.join(lost_policies)}: "
+            "keep them in its group"
+        )
 
 
 def _policies(state: State) -> frozenset[str]:
@@ -104,7 +107,7 @@ def _policies(state: State) -> frozenset[str]:
 
 def touches_path(action: Action, before: State, after: State) -> bool:
     """Tell whether the action changes a row of the path, as it is before or as it is after."""
-    judge = _TOUCHED.get(action.menu)
+    judge = _JUDGE_BY_MENU.get(action.menu)
     if judge is None or action.inert or _is_cosmetic(action):
         return False
     return any(judge(row, state) for state in (before, after) for row in _rows(action, before, after, state))
@@ -142,7 +145,7 @@ def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[Row, State]
         for base, is_answer in bases.items():
             packet = (answer_of if is_answer else new_session)(state)
             if (
-                row.get("chain") in _reached(menu, base, state)
+                row.get("chain") in _reachable_chains(menu, base, state)
                 and matches(menu, row, packet, state) is not MatchResult.NO
             ):
                 return True
@@ -151,7 +154,7 @@ def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[Row, State]
     return judge
 
 
-def _reached(menu: str, base: str, state: State) -> set[str]:
+def _reachable_chains(menu: str, base: str, state: State) -> set[str]:
     chains, waiting = {base}, [base]
     while waiting:
         chain = waiting.pop()
@@ -182,7 +185,7 @@ def _group_touched(row: Row, state: State) -> bool:
     return row.get("name") == user.get("group")
 
 
-_TOUCHED: Mapping[str, Callable[[Row, State], bool]] = {
+_JUDGE_BY_MENU: Mapping[str, Callable[[Row, State], bool]] = {
     "/interface/bridge": _has_interface("name"),
     "/interface/bridge/port": _has_interface("interface", "bridge"),
     "/interface/ethernet": _has_interface("name"),

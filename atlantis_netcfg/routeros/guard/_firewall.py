@@ -98,7 +98,7 @@ def in_networks(text: str, address: IPv4Address) -> MatchResult:
 
 def in_list(state: State, name: str, address: IPv4Address) -> MatchResult:
     """Tell whether an address list holds the address; entries that are names count as MAYBE."""
-    entries = (row for row in state.enabled("/ip/firewall/address-list") if row.get("list") == name)
+    entries = (row for row in state.enabled_rows("/ip/firewall/address-list") if row.get("list") == name)
     return max((_in_network(row.get("address", ""), address) for row in entries), default=MatchResult.NO)
 
 
@@ -110,27 +110,29 @@ def _on_interface(text: str, name: str | None, state: State) -> MatchResult:
     return MatchResult.MAYBE if text.startswith("all-") else _yes(text == name)
 
 
-def _on_list(text: str, name: str | None, state: State, seen: frozenset[str] = frozenset()) -> MatchResult:
+def _on_list(text: str, name: str | None, state: State, visited_lists: frozenset[str] = frozenset()) -> MatchResult:
     """Manual, Interface Lists: members, plus those of `include`, less those of `exclude`."""
-    if text in ("all", "none") or text in seen:
+    if text in ("all", "none") or text in visited_lists:
         return _yes(text == "all")
     if name is None or text in ("dynamic", "static"):
         return MatchResult.MAYBE
     row = state.find("/interface/list", "name", text) or {}
-    if any(_on_list(each, name, state, seen | {text}) for each in row.get("exclude", "").split(",") if each):
+    if any(_on_list(each, name, state, visited_lists | {text}) for each in row.get("exclude", "").split(",") if each):
         return MatchResult.NO
-    members = (each for each in state.enabled("/interface/list/member") if each.get("list") == text)
+    members = (each for each in state.enabled_rows("/interface/list/member") if each.get("list") == text)
     if any(each.get("interface") == name for each in members):
         return MatchResult.YES
-    included = (_on_list(each, name, state, seen | {text}) for each in row.get("include", "").split(",") if each)
-    return max(included, default=MatchResult.NO)
+    included_matches = (
+        _on_list(each, name, state, visited_lists | {text}) for each in row.get("include", "").split(",") if each
+    )
+    return max(included_matches, default=MatchResult.NO)
 
 
 def _has_port(text: str, ports: Iterable[int | None]) -> MatchResult:
-    known = [port for port in ports if port is not None]
-    if any(_is_port_in(text, port) for port in known):
+    known_ports = [port for port in ports if port is not None]
+    if any(_is_port_in(text, port) for port in known_ports):
         return MatchResult.YES
-    return MatchResult.NO if len(known) == len(tuple(ports)) else MatchResult.MAYBE
+    return MatchResult.NO if len(known_ports) == len(tuple(ports)) else MatchResult.MAYBE
 
 
 def _is_port_in(text: str, port: int) -> bool:
@@ -257,8 +259,8 @@ def firewall_objections(before: State, after: State) -> Iterator[str]:
     """
     unread = any(map(is_bare, before.all("/ip/firewall/address-list")))
     for check in _CHECKS:
-        known = frozenset() if unread else {_key(check, each) for each in _harmful(check, before)}
-        yield from (_harm_text(check, each) for each in _harmful(check, after) if _key(check, each) not in known)
+        earlier_keys = frozenset() if unread else {_key(check, each) for each in _harmful(check, before)}
+        yield from (_harm_text(check, each) for each in _harmful(check, after) if _key(check, each) not in earlier_keys)
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,24 +300,24 @@ class _Walk:
 
     def through(self, chain: str, reach: MatchResult, callers: frozenset[str]) -> MatchResult:
         """Follow the packet through a chain and return how surely it comes out at its end."""
-        returned = MatchResult.NO
-        for rule in self.state.enabled(self.check.menu):
-            met = (
+        return_reach = MatchResult.NO
+        for rule in self.state.enabled_rows(self.check.menu):
+            match = (
                 matches(self.check.menu, rule, self.packet, self.state)
                 if rule.get("chain") == chain
                 else MatchResult.NO
             )
-            if met is MatchResult.NO:
+            if match is MatchResult.NO:
                 continue
-            goes_on = self._meet(rule, min(reach, met), callers | {chain})
+            goes_on = self._meet(rule, min(reach, match), callers | {chain})
             if goes_on is None:
                 continue
             if rule.get("action") == "return":
-                returned = max(returned, min(reach, met))
-            reach = min(reach, goes_on) if met is MatchResult.YES else MatchResult.MAYBE
+                return_reach = max(return_reach, min(reach, match))
+            reach = min(reach, goes_on) if match is MatchResult.YES else MatchResult.MAYBE
             if reach is MatchResult.NO:
-                return returned
-        return max(returned, reach)
+                return return_reach
+        return max(return_reach, reach)
 
     def _meet(self, rule: Row, surely: MatchResult, callers: frozenset[str]) -> MatchResult | None:
         """Return how surely the packet goes on to the next rule; None when the rule leaves it alone."""

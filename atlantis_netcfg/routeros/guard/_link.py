@@ -44,7 +44,7 @@ def _address(before: State, after: State, row: Row) -> Iterator[str]:
         yield f"/ip address: {name}, to which your session goes, would be removed: declare it, too"
     elif is_set(now, "disabled"):
         yield f"/ip address: {name}, to which your session goes, would be disabled: leave it enabled"
-    elif _lost(before, after, row.get("interface", ""), now.get("interface", "")):
+    elif _is_cut_off(before, after, row.get("interface", ""), now.get("interface", "")):
         yield (
             f"/ip address: {before.path.local}, to which your session goes, would move from {row.get('interface')} to "
             f"{now.get('interface')}, where your cable does not lead: change it from another port, or declare the "
@@ -52,24 +52,24 @@ def _address(before: State, after: State, row: Row) -> Iterator[str]:
         )
 
 
-def _lost(before: State, after: State, old: str, new: str) -> bool:
+def _is_cut_off(before: State, after: State, old: str, new: str) -> bool:
     """Tell whether the address went to another interface, which some cable of before does not reach."""
     there = after.interface(new)
-    moved = there is not None and _identity(before, old) != identity(*there)
-    return moved and not before.ports(old) <= after.ports(new)
+    has_moved = there is not None and _identity(before, old) != identity(*there)
+    return has_moved and not before.ports(old) <= after.ports(new)
 
 
 def _identity(state: State, name: str) -> str:
-    found = state.interface(name)
-    return identity(*found) if found is not None else name
+    interface = state.interface(name)
+    return identity(*interface) if interface is not None else name
 
 
 def _ports(before: State, after: State, name: str) -> Iterator[str]:
     """Yield what becomes of an interface of the path, and of the bridge ports behind it."""
-    found = before.interface(name)
-    if found is None:
+    interface = before.interface(name)
+    if interface is None:
         return
-    menu, row = found
+    menu, row = interface
     now = next((each for each in after.all(menu) if each.get(".id") == row.get(".id")), None)
     title = MENUS[menu].title
     if now is None:
@@ -77,13 +77,13 @@ def _ports(before: State, after: State, name: str) -> Iterator[str]:
     elif is_set(now, "disabled") and not is_set(row, "disabled"):
         yield f"{title}: {name}, by which you come, would be disabled: leave it enabled"
     elif (bridge := after.bridge_of(now.get("name", name))) and before.bridge_of(name) != bridge:
-        yield from _enslaved(before, after, name, bridge)
+        yield from _check_bridge_join(before, after, name, bridge)
     else:
-        gone = before.ports(name) - after.ports(now.get("name", name))
-        yield from (_unplugged(before, name, port) for port in sorted(gone))
+        lost_ports = before.ports(name) - after.ports(now.get("name", name))
+        yield from (_describe_lost_port(before, name, port) for port in sorted(lost_ports))
 
 
-def _enslaved(before: State, after: State, name: str, bridge: str) -> Iterator[str]:
+def _check_bridge_join(before: State, after: State, name: str, bridge: str) -> Iterator[str]:
     """A port may join a bridge if our address is on that bridge then."""
     now = after.address_row()
     if now is None or now.get("interface") != bridge:
@@ -93,7 +93,7 @@ def _enslaved(before: State, after: State, name: str, bridge: str) -> Iterator[s
         )
 
 
-def _unplugged(before: State, bridge: str, port: str) -> str:
+def _describe_lost_port(before: State, bridge: str, port: str) -> str:
     names = {identity(menu, row): row.get("name", port) for menu in INTERFACES for row in before.all(menu)}
     return (
         f"/interface bridge port: {names.get(port, port)} would no longer lead to {bridge}, and your cable may be in "
@@ -114,25 +114,28 @@ def _vlans(before: State, after: State) -> Iterator[str]:
 def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:
     """A dynamic address is there as long as its DHCP client is."""
     name = row.get("interface", "")
-    if not is_set(row, "dynamic") or name not in {each.get("interface") for each in before.enabled("/ip/dhcp-client")}:
+    if not is_set(row, "dynamic") or name not in {
+        each.get("interface") for each in before.enabled_rows("/ip/dhcp-client")
+    }:
         return
-    kept = {_identity(after, each.get("interface", "")) for each in after.enabled("/ip/dhcp-client")}
-    if _identity(before, name) not in kept:
+    client_identities = {_identity(after, each.get("interface", "")) for each in after.enabled_rows("/ip/dhcp-client")}
+    if _identity(before, name) not in client_identities:
         address = before.path.local
         yield f"/ip dhcp-client: the client on {name} gave the router {address}, and would go: keep it enabled"
 
 
 def _tunnel(before: State, after: State) -> Iterator[str]:
     """A tunnel that carries our session breaks with any change of how it is made."""
-    for row in before.enabled(_TUNNEL):
+    for row in before.enabled_rows(_TUNNEL):
         if row.get("name") not in interfaces(before):
             continue
         now = next((each for each in after.all(_TUNNEL) if each.get(".id") == row.get(".id")), None)
         fields = [each.name for each in MENUS[_TUNNEL].fields if each.name not in ("comment", "name", "disabled")]
-        changed = [name for name in fields if now is not None and _form(name, row) != _form(name, now)]
-        if changed:
+        changed_fields = [name for name in fields if now is not None and _form(name, row) != _form(name, now)]
+        if changed_fields:
             yield (
-                f"/interface ovpn-client: {row.get('name')} carries your session, and its {', '.join(changed)} would "
+                f"/interface ovpn-client: {row.get('name')} carries your session, "
+                f"and its {', '.join(changed_fields)} would "
                 f"change: change that from the site"
             )
 

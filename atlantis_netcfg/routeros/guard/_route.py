@@ -19,7 +19,7 @@ _NO_LIMIT = -1
 _CHAINS = "user,main"
 """Before 7.22 there are no chains; and of the others of the default (`mangle`, `local`, …) none has rules of ours."""
 
-_UNJUDGED = ("realm", "vrf")
+_UNKNOWN_SELECTORS = ("realm", "vrf")
 """Selectors from 7.22 on: whether they match depends on what is not read here."""
 
 
@@ -47,8 +47,10 @@ def objections(before: State, after: State) -> Iterator[str]:
     """Yield what is wrong with the way back after the change, unless it was wrong before."""
     then, now = decisions(before), decisions(after)
     if then.doubts != now.doubts:
-        changed = [doubt for doubt in (*now.doubts, *then.doubts) if (doubt in then.doubts) != (doubt in now.doubts)]
-        rule, selectors = (changed or now.doubts)[0]
+        changed_doubts = [
+            doubt for doubt in (*now.doubts, *then.doubts) if (doubt in then.doubts) != (doubt in now.doubts)
+        ]
+        rule, selectors = (changed_doubts or now.doubts)[0]
         yield (
             f"nobody here can tell whether the routing rule `{rule}` with {selectors} takes the answers to you at "
             f"{before.path.technician}: leave such rules as they are, or change them by hand"
@@ -110,7 +112,7 @@ def decisions(state: State) -> _Decisions:
 
 def _beyond_judgement(rule: Row) -> str:
     """Return the selectors of a rule of which nothing here tells whether our answers meet them; empty: none."""
-    return " and ".join(f"`{name}={rule[name]}`" for name in _UNJUDGED if rule.get(name))
+    return " and ".join(f"`{name}={rule[name]}`" for name in _UNKNOWN_SELECTORS if rule.get(name))
 
 
 def _rules(state: State) -> Iterator[Row | None]:
@@ -121,7 +123,7 @@ def _rules(state: State) -> Iterator[Row | None]:
     """
     settings = next(iter(state.all("/routing/settings")), {})
     for chain in settings.get("policy-rules", _CHAINS).split(","):
-        yield from (rule for rule in state.enabled("/routing/rule") if rule.get("chain", "user") == chain)
+        yield from (rule for rule in state.enabled_rows("/routing/rule") if rule.get("chain", "user") == chain)
         if chain == "main":
             yield None
 
@@ -149,19 +151,21 @@ def _by_rule(rule: Row, state: State) -> Way | None:
 
 def _lookup(state: State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0) -> Way | None:
     """Return the route of the longest prefix; of several, those of the smallest distance."""
-    found = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
-    if not found:
+    routes = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
+    if not routes:
         return None
-    best = min(each.rank for each in found)
-    chosen = [each for each in found if each.rank == best]
-    if chosen[0].interface is not None:
-        network, interface = chosen[0].network, chosen[0].interface
+    best = min(each.rank for each in routes)
+    best_routes = [each for each in routes if each.rank == best]
+    if best_routes[0].interface is not None:
+        network, interface = best_routes[0].network, best_routes[0].interface
         ports = state.ports(interface) or frozenset({interface})
         return Way(f"{network} on {interface}", ports, interface, is_connected=True)
-    name = MENUS["/ip/route"].name_of(chosen[0].row)
-    if any(each.row.get("blackhole", "no") not in ("no", "false") for each in chosen):
+    name = MENUS["/ip/route"].name_of(best_routes[0].row)
+    if any(each.row.get("blackhole", "no") not in ("no", "false") for each in best_routes):
         return Way(f"the route {name} drops them")
-    gateways = frozenset(gateway for each in chosen for gateway in each.row.get("gateway", "").split(",") if gateway)
+    gateways = frozenset(
+        gateway for each in best_routes for gateway in each.row.get("gateway", "").split(",") if gateway
+    )
     return Way(
         f"the route {name}", frozenset(_gateway(state, each) for each in gateways), _leaving(state, gateways, depth)
     )
@@ -181,9 +185,9 @@ class _GuardRoute:
 
 def _routes(state: State, table: str) -> Iterator[_GuardRoute]:
     if table == "main":
-        for network, interface in state.connected():
+        for network, interface in state.connected_networks():
             yield _GuardRoute(network, 0, {}, interface)
-    for row in state.enabled("/ip/route"):
+    for row in state.enabled_rows("/ip/route"):
         target = _network(row.get("dst-address", "0.0.0.0/0"))
         if target is not None and row.get("routing-table", "main") == table and not is_set(row, "connect"):
             yield _GuardRoute(target, int(row.get("distance", "1")), row)
@@ -200,8 +204,8 @@ def _network(text: str) -> IPv4Network | None:
 def _gateway(state: State, text: str) -> str:
     """Return a gateway under an identity that survives new names of interfaces."""
     address, sign, name = text.rpartition("%")
-    found = state.interface(name)
-    return f"{address}{sign}{identity(*found) if found else name}"
+    interface = state.interface(name)
+    return f"{address}{sign}{identity(*interface) if interface else name}"
 
 
 def _leaving(state: State, gateways: frozenset[str], depth: int) -> str | None:

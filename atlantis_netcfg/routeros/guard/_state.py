@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface, IPv4Network, ip_interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, canonical
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class State:
         """Return the rows of a menu; one that was not read has none."""
         return self.rows.get(menu, ())
 
-    def enabled(self, menu: str) -> Iterator[Row]:
+    def enabled_rows(self, menu: str) -> Iterator[Row]:
         """Yield the rows of a menu that are in force."""
         return (row for row in self.all(menu) if not is_set(row, "disabled"))
 
@@ -79,38 +79,40 @@ class State:
 
     def is_up(self, name: str) -> bool:
         """Tell whether an interface can carry addresses: neither disabled nor a port of a bridge."""
-        found = self.interface(name)
-        return (found is None or not is_set(found[1], "disabled")) and self.bridge_of(name) is None
+        interface = self.interface(name)
+        return (interface is None or not is_set(interface[1], "disabled")) and self.bridge_of(name) is None
 
     def bridge_of(self, name: str) -> str | None:
         """Return the bridge whose port an interface is."""
-        ports = (row for row in self.enabled("/interface/bridge/port") if row.get("interface") == name)
+        ports = (row for row in self.enabled_rows("/interface/bridge/port") if row.get("interface") == name)
         return next((row["bridge"] for row in ports if "bridge" in row), None)
 
     def ports(self, name: str) -> frozenset[str]:
         """Return the interfaces at which a cable leads to `name`, by identities that survive a new name."""
-        found = self.interface(name)
-        if found is None:
+        interface = self.interface(name)
+        if interface is None:
             return frozenset({name})
-        menu, row = found
+        menu, row = interface
         if not self.is_up(name):
             return frozenset()
         if menu != "/interface/bridge":
             return frozenset({identity(menu, row)})
-        members = [port["interface"] for port in self.enabled("/interface/bridge/port") if port.get("bridge") == name]
+        members = [
+            port["interface"] for port in self.enabled_rows("/interface/bridge/port") if port.get("bridge") == name
+        ]
         return frozenset(self._port(member) for member in members if self._is_on(member))
 
     def _port(self, name: str) -> str:
-        found = self.interface(name)
-        return identity(*found) if found is not None else name
+        interface = self.interface(name)
+        return identity(*interface) if interface is not None else name
 
     def _is_on(self, name: str) -> bool:
-        found = self.interface(name)
-        return found is None or not is_set(found[1], "disabled")
+        interface = self.interface(name)
+        return interface is None or not is_set(interface[1], "disabled")
 
-    def connected(self) -> Iterator[tuple[IPv4Network, str]]:
+    def connected_networks(self) -> Iterator[tuple[IPv4Network, str]]:
         """Yield the networks that the router reaches directly, and by which interface."""
-        for row in self.enabled("/ip/address"):
+        for row in self.enabled_rows("/ip/address"):
             interface = interface_of(row)
             if interface is not None and self.is_up(row.get("interface", "")):
                 yield _network(interface, row.get("network", "")), row.get("interface", "")
@@ -142,7 +144,7 @@ def _message(address: str) -> IPv4Address:
     try:
         return IPv4Address(address)
     except ValueError:
-        raise DeviceFailed(
+        raise DeviceError(
             "the device does not show between which addresses our own session runs, so nothing can be planned",
             hint="`/user active print` on its own console has to show it",
         ) from None

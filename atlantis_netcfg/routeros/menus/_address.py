@@ -10,7 +10,7 @@ from atlantis_netcfg.routeros.menus._model import (
     Shape,
     boolean,
     interface,
-    kept,
+    keep,
     mac,
     network,
     number,
@@ -45,7 +45,7 @@ _ADDRESS = Menu(
         interface("interface"),
         COMMENT,
         DISABLED,
-        *kept(prefix("network"), prefix("broadcast")),
+        *keep(prefix("network"), prefix("broadcast")),
     ),
 )
 
@@ -68,7 +68,7 @@ _DHCP_CLIENT = Menu(
         boolean("use-peer-ntp", "yes"),
         text("script"),
         *since("7.19", boolean("allow-reconfigure"), text("check-gateway", "none")),
-        *since("7.20", *kept(number("dscp"), text("use-broadcast"), number("vlan-priority"))),
+        *since("7.20", *keep(number("dscp"), text("use-broadcast"), number("vlan-priority"))),
     ),
 )
 
@@ -96,7 +96,7 @@ _DHCP_SERVER = Menu(
         time("bootp-lease-time", "forever"),
         time("delay-threshold", "none"),
         text("parent-queue", "none"),
-        *kept(
+        *keep(
             boolean("allow-dual-stack-queue"),
             text("authoritative"),
             text("client-mac-limit"),
@@ -108,7 +108,7 @@ _DHCP_SERVER = Menu(
             boolean("use-framed-as-classless"),
         ),
         *since("7.19", boolean("use-reconfigure")),
-        *since("7.21", *kept(text("dynamic-lease-identifiers"), boolean("support-broadband-tr101"))),
+        *since("7.21", *keep(text("dynamic-lease-identifiers"), boolean("support-broadband-tr101"))),
     ),
 )
 
@@ -133,7 +133,7 @@ _DHCP_NETWORK = Menu(
         text("boot-file-name"),
         prefix("next-server"),
         words("dhcp-option"),
-        *kept(text("dhcp-option-set"), number("netmask")),
+        *keep(text("dhcp-option-set"), number("netmask")),
     ),
 )
 
@@ -158,7 +158,7 @@ _LEASE = Menu(
         boolean("block-access"),
         words("dhcp-option"),
         text("rate-limit"),
-        *kept(
+        *keep(
             text("allow-dual-stack-queue"),
             boolean("always-broadcast"),
             text("dhcp-option-set"),
@@ -169,7 +169,7 @@ _LEASE = Menu(
             text("routes"),
             boolean("use-src-mac"),
         ),
-        *since("7.21", *kept(text("agent-circuit-id"), text("agent-remote-id"))),
+        *since("7.21", *keep(text("agent-circuit-id"), text("agent-remote-id"))),
     ),
 )
 

@@ -11,7 +11,7 @@ from atlantis_netcfg.routeros.menus._model import (
     boolean,
     cosmetic,
     interface,
-    kept,
+    keep,
     mac,
     number,
     prefix,
@@ -32,7 +32,7 @@ _ADDRESS_LIST = Menu(
     flags=("dynamic",),
     inert=True,
     named_by=("src-address-list", "dst-address-list"),
-    fields=(text("list", None), prefix("address"), COMMENT, DISABLED, *kept(time("timeout"))),
+    fields=(text("list", None), prefix("address"), COMMENT, DISABLED, *keep(time("timeout"))),
 )
 
 _COSMETIC = (COMMENT, cosmetic(boolean("log")), cosmetic(text("log-prefix")))
@@ -78,7 +78,7 @@ _FILTER = Menu(
     "/ip/firewall/filter",
     Shape.LIST,
     Layer.POLICY,
-    ordered=True,
+    is_ordered=True,
     chain="chain",
     subject="{chain} {action} {comment}",
     flags=("dynamic", "invalid"),
@@ -87,7 +87,7 @@ _FILTER = Menu(
         *_STATEFUL,
         text("reject-with", "icmp-network-unreachable"),
         # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
-        *kept(boolean("hw-offload")),
+        *keep(boolean("hw-offload")),
     ),
 )
 
@@ -95,7 +95,7 @@ _NAT = Menu(
     "/ip/firewall/nat",
     Shape.LIST,
     Layer.POLICY,
-    ordered=True,
+    is_ordered=True,
     chain="chain",
     subject="{chain} {action} {comment}",
     flags=("dynamic", "invalid"),
@@ -113,7 +113,7 @@ _MANGLE = Menu(
     "/ip/firewall/mangle",
     Shape.LIST,
     Layer.POLICY,
-    ordered=True,
+    is_ordered=True,
     chain="chain",
     subject="{chain} {action} {comment}",
     flags=("dynamic", "invalid"),

@@ -9,9 +9,8 @@ from atlantis_netcfg.routeros.menus._model import (
     Menu,
     Shape,
     boolean,
-    gone,
     interface,
-    kept,
+    keep,
     like,
     mac,
     number,
@@ -21,6 +20,7 @@ from atlantis_netcfg.routeros.menus._model import (
     text,
     texts,
     time,
+    until,
     usual,
     words,
 )
@@ -44,7 +44,7 @@ _ETHERNET = Menu(
         text("loop-protect", "default"),
         time("loop-protect-disable-time", "5m"),
         time("loop-protect-send-interval", "5s"),
-        *kept(
+        *keep(
             words("advertise"),
             text("cable-settings"),
             text("combo-mode"),
@@ -59,7 +59,7 @@ _ETHERNET = Menu(
             text("speed"),
             text("tx-flow-control"),
         ),
-        *since("7.15", *kept(boolean("sfp-ignore-rx-los"))),
+        *since("7.15", *keep(boolean("sfp-ignore-rx-los"))),
         *on_board(
             (
                 text("poe-out", "auto-on"),
@@ -85,7 +85,7 @@ _BRIDGE = Menu(
         interface("name"),
         COMMENT,
         DISABLED,
-        *gone("7.23", boolean("add-dhcp-option82")),
+        *until("7.23", boolean("add-dhcp-option82")),
         time("ageing-time", "5m"),
         text("arp", "enabled"),
         text("arp-timeout", "auto"),
@@ -110,7 +110,7 @@ _BRIDGE = Menu(
         ),
         *since("7.13", *usual(text("port-cost-mode", "long"))),
         *since("7.16", *usual(boolean("forward-reserved-addresses"))),
-        *kept(
+        *keep(
             mac("admin-mac"),
             number("igmp-version"),
             time("last-member-interval"),
@@ -165,7 +165,7 @@ _BRIDGE_PORT = Menu(
         boolean("unknown-multicast-flood", "yes"),
         boolean("unknown-unicast-flood", "yes"),
         *usual(boolean("hw", "yes")),
-        *kept(number("internal-path-cost"), number("path-cost")),
+        *keep(number("internal-path-cost"), number("path-cost")),
     ),
 )
 
@@ -203,7 +203,7 @@ _OVPN_CLIENT = Menu(
         interface("name"),
         COMMENT,
         # The manual says `yes`, compact exports of running clients leave `no` out.
-        *kept(DISABLED),
+        *keep(DISABLED),
         text("connect-to"),
         number("port", "1194"),
         *since("7.0", text("protocol", "tcp")),
@@ -218,8 +218,8 @@ _OVPN_CLIENT = Menu(
         boolean("add-default-route"),
         *since("7.9", boolean("route-nopull"), text("tls-version", "any")),
         number("max-mtu", "1500"),
-        *kept(mac("mac-address")),
-        *since("7.0", *kept(*texts("use-peer-dns"), boolean("disconnect-notify"))),
+        *keep(mac("mac-address")),
+        *since("7.0", *keep(*texts("use-peer-dns"), boolean("disconnect-notify"))),
     ),
 )
 

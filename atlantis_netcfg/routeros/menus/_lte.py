@@ -15,10 +15,10 @@ from atlantis_netcfg.routeros.menus._model import (
     Shape,
     boolean,
     interface,
-    kept,
+    keep,
     like,
     number,
-    prompted,
+    on_prompt,
     secret,
     sequence,
     since,
@@ -49,7 +49,7 @@ _APN = Menu(
         boolean("use-network-apn", "yes"),
         boolean("use-peer-dns", "yes"),
         text("user"),
-        *kept(
+        *keep(
             interface("ipv6-interface"),
             interface("passthrough-interface"),
             text("passthrough-mac"),
@@ -73,11 +73,11 @@ _LTE = Menu(
         boolean("allow-roaming"),
         sequence("apn-profiles", "default"),
         words("band"),
-        prompted(secret(text("pin"))),
+        on_prompt(secret(text("pin"))),
         *usual(number("mtu", "1500"), words("nr-band"), text("operator")),
-        *kept(text("modem-init"), words("network-mode")),
-        *since("7.13", *kept(boolean("sms-read"))),
-        *since("7.16", *kept(text("sms-protocol"))),
+        *keep(text("modem-init"), words("network-mode")),
+        *since("7.13", *keep(boolean("sms-read"))),
+        *since("7.16", *keep(text("sms-protocol"))),
     ),
 )
 
@@ -87,7 +87,7 @@ _SETTINGS = Menu(
     Layer.FOUNDATION,
     fields=(
         *usual(text("firmware-path", "firmware"), text("mode", "auto")),
-        *since("7.13", *kept(time("info-polling-interval"))),
+        *since("7.13", *keep(time("info-polling-interval"))),
         *since("7.17", *usual(text("esim-channel", "auto"))),
         *since("7.19", *usual(number("link-recovery-timer", "120"))),
     ),

@@ -3,7 +3,7 @@
 Short words in which the table is written: one function for each kind of value.
 
 Defaults are those of verbose exports of RouterOS 7.17 to 7.19 and of the manual; where neither says one, the field is
-`kept`.
+`keep`.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Field:
     secret: bool = False
     unread: bool = False
     """Can be written but never read, so that it is only sent with a new row."""
-    prompted: bool = False
+    is_prompted: bool = False
     """Only sent while the device asks for it: a wrong value costs something each time that it is entered."""
     cosmetic: bool = False
     """Neither matches nor decides: may change in place on a first-match row."""
@@ -62,7 +62,7 @@ class Field:
     """Only where the hardware has it: a row that does not print it cannot take it."""
     since: Version | None = None
     """First version whose command tree has it; None if all of ours have."""
-    gone: Version | None = None
+    until: Version | None = None
     """First version whose command tree has it no more."""
 
     @cached_property
@@ -78,7 +78,7 @@ class Field:
 
     def exists(self, version: Version) -> bool:
         """Tell whether that version has the argument."""
-        return (self.since is None or version >= self.since) and (self.gone is None or version < self.gone)
+        return (self.since is None or version >= self.since) and (self.until is None or version < self.until)
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,7 +94,7 @@ class Menu:
     """What tells one row from another; empty for settings and for first-match menus, where the whole content does."""
     chain: str | None = None
     """The property that splits a first-match menu into lists whose order matters only within each."""
-    ordered: bool = False
+    is_ordered: bool = False
     """The first row that matches decides, so that rows are told apart by content and place."""
     unique: tuple[str, ...] = ()
     """Besides the keys, properties of which the device allows a value only once."""
@@ -114,10 +114,10 @@ class Menu:
     """With `inert`: properties of other rows that may already name the new row; then it is not inert."""
     readonly: bool = False
     """We look, and never write."""
-    exported: bool = True
+    is_exported: bool = True
     """False: `export` leaves the menu out, so that a saved export says nothing about it."""
     since: Version | None = None
-    configured: bool = False
+    has_config_view: bool = False
     """Rows inherit from others: `print config` shows what a row itself says, plain `print` what it amounts to."""
 
     def __repr__(self) -> str:
@@ -157,10 +157,10 @@ class Menu:
         if self.shape is Shape.SINGLETON:
             return f"{self.title.removesuffix(' settings')} settings"
         names = {name for _, name, _, _ in Formatter().parse(self.subject) if name}
-        shown = {name: values.get(name) or self.by_name[name].default or "" for name in names}
-        if "comment" in shown:
-            shown["comment"] = shown["comment"].removeprefix(MARK).lstrip(": ")
-        return " ".join(self.subject.format_map(shown).split()) or self.title
+        display_values = {name: values.get(name) or self.by_name[name].default or "" for name in names}
+        if "comment" in display_values:
+            display_values["comment"] = display_values["comment"].removeprefix(MARK).lstrip(": ")
+        return " ".join(self.subject.format_map(display_values).split()) or self.title
 
     def default_of(self, name: str, values: Mapping[str, str]) -> str | None:
         """Return the default of a property in the row with these values."""
@@ -254,7 +254,7 @@ def gateway(name: str) -> Field:
     return Field(name, PropertyKind.GATEWAY, "")
 
 
-def kept(*fields: Field) -> tuple[Field, ...]:
+def keep(*fields: Field) -> tuple[Field, ...]:
     """Mark fields without a default that we could tell: unnamed, they stay as they are."""
     return tuple(replace(field, keep=True, default=None) for field in fields)
 
@@ -276,9 +276,9 @@ def unread(field: Field) -> Field:
     return replace(field, unread=True, keep=True)
 
 
-def prompted(field: Field) -> Field:
+def on_prompt(field: Field) -> Field:
     """Mark a field that is only sent while the device asks for it (routeros/pin.py)."""
-    return replace(field, prompted=True)
+    return replace(field, is_prompted=True)
 
 
 def cosmetic(field: Field) -> Field:
@@ -294,9 +294,9 @@ def since(version: str, *fields: Field) -> tuple[Field, ...]:
     return tuple(replace(field, since=Version.parse(version)) for field in fields)
 
 
-def gone(version: str, *fields: Field) -> tuple[Field, ...]:
+def until(version: str, *fields: Field) -> tuple[Field, ...]:
     """Mark fields that the command tree of that version lacks."""
-    return tuple(replace(field, gone=Version.parse(version)) for field in fields)
+    return tuple(replace(field, until=Version.parse(version)) for field in fields)
 
 
 COMMENT = cosmetic(text("comment"))

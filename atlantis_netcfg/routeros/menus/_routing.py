@@ -18,7 +18,7 @@ from atlantis_netcfg.routeros.menus._model import (
     flag,
     gateway,
     interface,
-    kept,
+    keep,
     network,
     number,
     prefix,
@@ -48,8 +48,8 @@ _SETTINGS = Menu(
     Layer.FOUNDATION,
     since=Version(7, 12),
     fields=(
-        *kept(boolean("single-process")),
-        *since("7.19", *kept(text("connected-in-chain"), text("dynamic-in-chain"))),
+        *keep(boolean("single-process")),
+        *since("7.19", *keep(text("connected-in-chain"), text("dynamic-in-chain"))),
         *since(
             "7.21",
             time("check-gateway-ping-interval", "10s"),
@@ -81,9 +81,9 @@ _ROUTE = Menu(
         number("scope", "30"),
         number("target-scope", "10"),
         prefix("pref-src", ""),
-        *kept(interface("vrf-interface")),
+        *keep(interface("vrf-interface")),
         # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
-        *since("7.0", *kept(boolean("suppress-hw-offload"))),
+        *since("7.0", *keep(boolean("suppress-hw-offload"))),
     ),
 )
 
@@ -91,7 +91,7 @@ _RULE = Menu(
     "/routing/rule",
     Shape.LIST,
     Layer.POLICY,
-    ordered=True,
+    is_ordered=True,
     subject="{action} {table} {src-address} {dst-address} {comment}",
     flags=("dynamic",),
     since=Version(7, 0),
@@ -139,7 +139,7 @@ _PROBES = Menu(
         time("packet-interval", "50ms"),
         number("packet-size", "54"),
         # Thresholds and what else single types of probes have: nothing of ours depends on them.
-        *kept(
+        *keep(
             text("thr-avg"),
             text("thr-max"),
             text("thr-jitter"),
@@ -153,9 +153,9 @@ _PROBES = Menu(
             text("http-codes"),
             text("port"),
         ),
-        *since("7.20", *kept(boolean("early-failure-detection"), boolean("early-success-detection"))),
-        *since("7.16", *kept(text("accept-icmp-time-exceeded"), text("dns-server"), text("record-type"), text("ttl"))),
-        *since("7.17", *kept(boolean("ignore-initial-up"), boolean("ignore-initial-down"))),
+        *since("7.20", *keep(boolean("early-failure-detection"), boolean("early-success-detection"))),
+        *since("7.16", *keep(text("accept-icmp-time-exceeded"), text("dns-server"), text("record-type"), text("ttl"))),
+        *since("7.17", *keep(boolean("ignore-initial-up"), boolean("ignore-initial-down"))),
     ),
 )
 

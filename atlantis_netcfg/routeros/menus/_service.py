@@ -9,8 +9,7 @@ from atlantis_netcfg.routeros.menus._model import (
     Menu,
     Shape,
     boolean,
-    gone,
-    kept,
+    keep,
     number,
     prefix,
     prefixes,
@@ -21,6 +20,7 @@ from atlantis_netcfg.routeros.menus._model import (
     text,
     texts,
     time,
+    until,
     usual,
     words,
 )
@@ -69,7 +69,7 @@ _DNS_STATIC = Menu(
         time("ttl", "1d"),
         boolean("match-subdomain"),
         text("address-list"),
-        *kept(number("mx-preference"), number("srv-port"), number("srv-priority"), number("srv-weight")),
+        *keep(number("mx-preference"), number("srv-port"), number("srv-priority"), number("srv-weight")),
     ),
 )
 
@@ -109,10 +109,10 @@ _SSH = Menu(
     fields=(
         boolean("strong-crypto"),
         text("forwarding-enabled", "no"),
-        *kept(text("host-key-size"), text("host-key-type")),
-        *gone("7.17", boolean("allow-none-crypto")),
+        *keep(text("host-key-size"), text("host-key-type")),
+        *until("7.17", boolean("allow-none-crypto")),
         *since("7.17", words("ciphers", "auto")),
-        *gone("7.21", boolean("always-allow-password-login")),
+        *until("7.21", boolean("always-allow-password-login")),
         *since("7.21", *usual(text("password-authentication", "yes-if-no-key"))),
         *since("7.21", *usual(words("publickey-authentication-options", "none"))),
     ),
@@ -197,10 +197,10 @@ _IP = Menu(
         time("arp-timeout", "30s"),
         *since("7.17", boolean("icmp-errors-use-inbound-interface-address")),
         number("icmp-rate-limit", "10"),
-        *kept(text("icmp-rate-mask")),
+        *keep(text("icmp-rate-mask")),
         boolean("ip-forward", "yes"),
         *since("7.16", text("ipv4-multipath-hash-policy", "l3")),
-        *kept(number("max-neighbor-entries")),
+        *keep(number("max-neighbor-entries")),
         text("rp-filter", "no"),
         boolean("secure-redirects", "yes"),
         boolean("send-redirects", "yes"),
@@ -230,7 +230,7 @@ _ROMON = Menu(
     "/tool/romon",
     Shape.SINGLETON,
     Layer.CLEANUP,
-    fields=(boolean("enabled"), *usual(text("id", "00:00:00:00:00:00")), *kept(secret(text("secrets")))),
+    fields=(boolean("enabled"), *usual(text("id", "00:00:00:00:00:00")), *keep(secret(text("secrets")))),
 )
 
 _IPV6 = Menu(
@@ -243,8 +243,8 @@ _IPV6 = Menu(
         text("accept-redirects", "yes-if-forwarding-disabled"),
         text("accept-router-advertisements", "yes-if-forwarding-disabled"),
         *since("7.16", text("multipath-hash-policy", "l3")),
-        *kept(number("max-neighbor-entries")),
-        *since("7.17", *kept(number("min-neighbor-entries"), number("soft-max-neighbor-entries"))),
+        *keep(number("max-neighbor-entries")),
+        *since("7.17", *keep(number("min-neighbor-entries"), number("soft-max-neighbor-entries"))),
         *since("7.17", *usual(text("stale-neighbor-detect-interval", "30"), text("stale-neighbor-timeout", "60"))),
         *since("7.18", boolean("allow-fast-path", "yes"), boolean("disable-link-local-address")),
         *since("7.21", *usual(text("accept-router-advertisements-on", "all"))),

@@ -10,8 +10,7 @@ from atlantis_netcfg.routeros.menus._model import (
     Menu,
     Shape,
     boolean,
-    gone,
-    kept,
+    keep,
     number,
     policy,
     prefix,
@@ -23,6 +22,7 @@ from atlantis_netcfg.routeros.menus._model import (
     texts,
     time,
     unread,
+    until,
     usual,
     words,
 )
@@ -76,10 +76,10 @@ _LOGGING_ACTION = Menu(
         text("syslog-time-format", "bsd-syslog"),
         text("email-to"),
         *usual(prefix("remote", _NOBODY), prefix("src-address", _NOBODY), boolean("remember", "yes")),
-        *kept(text("email-start-tls")),
-        *gone("7.18", boolean("bsd-syslog")),
+        *keep(text("email-start-tls")),
+        *until("7.18", boolean("bsd-syslog")),
         *since("7.18", text("remote-log-format", "default"), text("remote-protocol", "udp")),
-        *since("7.18", *kept(text("cef-event-delimiter"))),
+        *since("7.18", *keep(text("cef-event-delimiter"))),
         *since("7.19.6", text("vrf", "main")),
     ),
 )
@@ -109,7 +109,7 @@ _NTP_CLIENT = Menu(
     # `servers` shows the rows of the menu below.
     fields=(
         boolean("enabled"),
-        *since("7.0", text("mode", "unicast"), *kept(sequence("servers")), text("vrf", "main")),
+        *since("7.0", text("mode", "unicast"), *keep(sequence("servers")), text("vrf", "main")),
     ),
 )
 
@@ -126,7 +126,7 @@ _NTP_SERVERS = Menu(
         COMMENT,
         DISABLED,
         *usual(boolean("iburst", "yes"), number("max-poll", "10"), number("min-poll", "6")),
-        *kept(text("auth-key")),
+        *keep(text("auth-key")),
     ),
 )
 
@@ -138,7 +138,7 @@ _GROUP = Menu(
     subject="{name}",
     stock=(("read",), ("write",), ("full",)),
     inert=True,
-    fields=(text("name", None), COMMENT, *kept(policy("policy")), text("skin", "default")),
+    fields=(text("name", None), COMMENT, *keep(policy("policy")), text("skin", "default")),
 )
 
 _USER = Menu(
@@ -147,7 +147,7 @@ _USER = Menu(
     Layer.ATTACHMENT,
     keys=("name",),
     subject="{name}",
-    exported=False,
+    is_exported=False,
     fields=(
         text("name", None),
         text("group", None),
@@ -155,7 +155,7 @@ _USER = Menu(
         COMMENT,
         DISABLED,
         prefixes("address"),
-        *since("7.16", *kept(text("inactivity-policy"), time("inactivity-timeout"))),
+        *since("7.16", *keep(text("inactivity-policy"), time("inactivity-timeout"))),
     ),
 )
 
@@ -167,7 +167,7 @@ _CERTIFICATE = Menu(
     subject="{name}",
     flags=("fingerprint", "private-key", "expired", "invalid-before", "invalid-after"),
     readonly=True,
-    exported=False,
+    is_exported=False,
     fields=texts("name common-name subject-alt-name"),
 )
 
@@ -204,7 +204,7 @@ _SCHEDULER = Menu(
         DISABLED,
         time("interval", "0s"),
         text("on-event"),
-        *kept(text("start-date"), text("start-time"), policy("policy")),
+        *keep(text("start-date"), text("start-time"), policy("policy")),
     ),
 )
 

@@ -20,7 +20,7 @@ from atlantis_netcfg.routeros.menus._model import (
     Shape,
     boolean,
     interface,
-    kept,
+    keep,
     like,
     mac,
     number,
@@ -114,7 +114,7 @@ def _profile(name: str, fields: tuple[Field, ...]) -> Menu:
         keys=("name",),
         subject="{name}",
         since=_SINCE,
-        configured=name == "configuration",
+        has_config_view=name == "configuration",
         fields=(text("name", None), COMMENT, DISABLED, *fields),
     )
 
@@ -130,7 +130,7 @@ _RADIO = Menu(
     subject="{default-name}",
     flags=("running", "inactive", "bound", "master"),
     since=_SINCE,
-    configured=True,
+    has_config_view=True,
     fields=(
         interface("default-name"),
         like("default-name", interface("name")),
@@ -142,7 +142,7 @@ _RADIO = Menu(
         text("arp-timeout", "auto"),
         number("mtu", "1500"),
         boolean("disable-running-check"),
-        *kept(number("l2mtu"), mac("mac-address"), mac("radio-mac"), interface("master-interface")),
+        *keep(number("l2mtu"), mac("mac-address"), mac("radio-mac"), interface("master-interface")),
     ),
 )
 

@@ -15,7 +15,7 @@ from atlantis_netcfg.routeros.menus._model import (
     Shape,
     boolean,
     interface,
-    kept,
+    keep,
     like,
     mac,
     number,
@@ -69,7 +69,7 @@ _SECURITY = Menu(
             text("tls-mode", "no-certificates"),
         ),
         # In exports the identity of the router. Assumption: wireless-supplicant-identity
-        *kept(text("supplicant-identity")),
+        *keep(text("supplicant-identity")),
     ),
 )
 
@@ -154,7 +154,7 @@ _RADIO = Menu(
         text("update-stats-interval", "disabled"),
         text("wds-cost-range", "50-150"),
         number("wds-default-cost", "100"),
-        *kept(
+        *keep(
             text("ssid"),
             text("band"),
             text("frequency"),
@@ -179,7 +179,7 @@ _CONNECT = Menu(
     Shape.LIST,
     Layer.ATTACHMENT,
     chain="interface",
-    ordered=True,
+    is_ordered=True,
     subject="{interface} {ssid} {mac-address} {comment}",
     fields=(
         interface("interface"),
@@ -206,7 +206,7 @@ _ACCESS = Menu(
     "/interface/wireless/access-list",
     Shape.LIST,
     Layer.ATTACHMENT,
-    ordered=True,
+    is_ordered=True,
     subject="{interface} {mac-address} {comment}",
     fields=(
         interface("interface", "any"),

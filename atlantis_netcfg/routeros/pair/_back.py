@@ -11,15 +11,15 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.api import Unreachable
 from atlantis_netcfg.routeros.apply import Channel, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
-from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared
+from atlantis_netcfg.routeros.pair._end import End, StateMismatch
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
-from atlantis_netcfg.routeros.scheduler_jobs import ARMED, DEAD_MAN, PAIR
-from atlantis_netcfg.runs import NoJournal, Released
+from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, READ_JOBS
+from atlantis_netcfg.runs import NoJournal, ReleaseRecord
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.pair._transaction import Transaction
@@ -43,20 +43,20 @@ class _WayBack:
 
     async def go(self) -> tuple[DeviceResult, DeviceResult]:
         near, far = self.work.near, self.work.far
-        if not (near.touched or far.touched):
+        if not (near.has_sent_changes or far.has_sent_changes):
             await self._let_go(near)
             await self._let_go(far)
             await self._no_job()
-            return self._untouched(near), self._untouched(far)
-        if self.work.linked and not far.released:
+            return self._untouched_result(near), self._untouched_result(far)
+        if self.work.is_linked and not far.is_released:
             await self._let_go(far)
-        kept = await self._near()
-        if kept is None:
+        is_near_kept = await self._near()
+        if is_near_kept is None:
             return self._unknown(near), self._unknown(far)
-        if kept:
+        if is_near_kept:
             return await self._forward()
         result = await self._far()
-        if far.released and result.status is Status.UNKNOWN:
+        if far.is_released and result.status is Status.UNKNOWN:
             return await self._after_all()
         return self._near_result(), result
 
@@ -65,18 +65,18 @@ class _WayBack:
     async def _near(self) -> bool | None:
         """Take the near end back. True: it has become permanent before; None: it cannot be known."""
         near = self.work.near
-        if self.work.far.kept and await self._follow(near):
+        if self.work.far.is_kept and await self._follow(near):
             return True
         await self._let_go(near)
-        if not near.touched:
-            return False if near.actions or not self.work.far.released else None
-        found = await self._settled(near, near.job.patience.reach_s)
-        if found is None:
+        if not near.has_sent_changes:
+            return False if near.actions or not self.work.far.is_released else None
+        outcome = await self._wait_until_settled(near, near.job.patience.reach_s)
+        if outcome is None:
             return None
-        session, left = found
-        if left and near.released and await self._is_declared(near, session):
+        session, different_menus = outcome
+        if different_menus and near.is_released and await self._is_declared(near, session):
             return True
-        return False if not left else await self._put_back(near)
+        return False if not different_menus else await self._put_back(near)
 
     async def _follow(self, near: End) -> bool:
         """The far end is kept: release the near one, too, from a new session, if that is still possible."""
@@ -90,7 +90,7 @@ class _WayBack:
 
     def _near_result(self) -> DeviceResult:
         near = self.work.near
-        return near.rolled_back(str(self.reason)) if near.touched else self._untouched(near)
+        return near.rolled_back(str(self.reason)) if near.has_sent_changes else self._untouched_result(near)
 
     # --- the far end -----------------------------------------------------------------------------------------------
 
@@ -98,17 +98,17 @@ class _WayBack:
         """Wait until the far end has returned by itself, and say what it has become."""
         far, work = self.work.far, self.work
         await self._let_go(far)
-        if not far.touched:
+        if not far.has_sent_changes:
             await self._no_job()
-            return self._untouched(far)
+            return self._untouched_result(far)
         clock = asyncio.get_running_loop().time
         patience_s = max(0.0, work.fires - clock()) + far.job.patience.reach_s
         far.say(Stage.WAITING, f"it returns by itself within {max(0.0, work.fires - clock()):.0f} s", patience_s)
-        found = await self._settled(far, patience_s, returning=True)
-        if found is None:
+        outcome = await self._wait_until_settled(far, patience_s, returning=True)
+        if outcome is None:
             return self._unknown(far)
-        _, left = found
-        if left and not await self._put_back(far):
+        _, different_menus = outcome
+        if different_menus and not await self._put_back(far):
             return self._unknown(far)
         await self._no_job()
         return far.rolled_back(str(self.reason))
@@ -117,11 +117,11 @@ class _WayBack:
         """The near end is new for good: see that the far one is, too."""
         near, far = self.work.near, self.work.far
         words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
-        found = await self._settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
-        if found is not None and await self._is_declared(far, found[0]):
-            if not await self._defused(found[0]):
-                return near.changed(words), self._unknown(far)
-            return near.changed(words), far.changed(words) if far.actions else self._untouched(far)
+        outcome = await self._wait_until_settled(far, self.work.pair.link_timeout_s + far.job.patience.reach_s)
+        if outcome is not None and await self._is_declared(far, outcome[0]):
+            if not await self._defuse_far(outcome[0]):
+                return near.confirm(words), self._unknown(far)
+            return near.confirm(words), far.confirm(words) if far.actions else self._untouched_result(far)
         if await self._put_back(near):
             result = await self._far()
             return near.rolled_back(str(self.reason)), result
@@ -130,7 +130,7 @@ class _WayBack:
     async def _after_all(self) -> tuple[DeviceResult, DeviceResult]:
         """The far end was kept and nothing has brought it back, so the near end has to follow it."""
         near, far = self.work.near, self.work.far
-        result = await converge(replace(near.job, agreed=None, journal=NoJournal()), mode=JobMode.RESUME)
+        result = await converge(replace(near.job, agreed_hash=None, journal=NoJournal()), mode=JobMode.RESUME)
         if result.status is not Status.CHANGED:
             return self._unknown(near), self._unknown(far)
         return await self._forward()
@@ -140,7 +140,7 @@ class _WayBack:
     async def _let_go(self, end: End) -> None:
         """Unroll over the first session, if it still answers; else close it, so that the device will know in time."""
         session, end.session = end.session, None
-        silent = end is self.work.far and not self.work.answered()
+        silent = end is self.work.far and not self.work.can_use_first_session()
         if silent:
             await self.work.forget_answer()
         if session is None:
@@ -151,7 +151,7 @@ class _WayBack:
                     await ApiSafeMode(_QUICK_S).unroll(session)
         await end.contact.leave(session)
 
-    async def _settled(
+    async def _wait_until_settled(
         self, end: End, patience_s: float, *, returning: bool = False
     ) -> tuple[Channel, tuple[str, ...]] | None:
         """Reach an end once nobody holds its safe mode: a session, and the menus that differ from before.
@@ -165,16 +165,16 @@ class _WayBack:
             try:
                 session = await end.contact.reach(max(0.0, until - clock()), "after a failure")
                 current = await end.contact.until_free(ApiSafeMode(), session, end.job.patience.undo_s)
-                left = end.same(await end.reread(session))
-            except DeviceFailed:
+                different_menus = end.same(await end.reread(session))
+            except DeviceError:
                 if clock() >= until:
                     return None
                 await asyncio.sleep(end.job.patience.first_poll_s)
                 continue
-            if current.taken:
+            if current.is_taken:
                 return None
-            if not left or not returning or not end.job_id or clock() > self.work.fires + _QUICK_S:
-                return session, left
+            if not different_menus or not returning or not end.job_id or clock() > self.work.fires + _QUICK_S:
+                return session, different_menus
             await end.contact.leave(session)
             await asyncio.sleep(end.job.patience.last_poll_s)
         return None
@@ -182,20 +182,20 @@ class _WayBack:
     async def _is_declared(self, end: End, session: Channel) -> bool:
         try:
             end.compare(await end.reread(session))
-        except (NotAsDeclared, DeviceFailed):
+        except (StateMismatch, DeviceError):
             return False
-        end.note(Released(device=end.name))
+        end.note(ReleaseRecord(device=end.name))
         return True
 
     async def _put_back(self, end: End) -> bool:
         """Write what was observed before, as any other change is written; True if it then is so."""
         end.say(Stage.APPLYING, "putting the state before the run back")
-        job = replace(end.job, desired=restoring(end.seen), journal=NoJournal(), agreed=None)
+        job = replace(end.job, desired_state=restoring(end.observation), journal=NoJournal(), agreed_hash=None)
         await converge(job, mode=JobMode.RESUME)
-        found = await self._settled(end, end.job.patience.reach_s)
-        return found is not None and not found[1]
+        outcome = await self._wait_until_settled(end, end.job.patience.reach_s)
+        return outcome is not None and not outcome[1]
 
-    async def _defused(self, session: Channel) -> bool:
+    async def _defuse_far(self, session: Channel) -> bool:
         """Take the far end's job away, over as many sessions as that takes; True if it is still as declared then."""
         far, clock = self.work.far, asyncio.get_running_loop().time
         until = clock() + far.job.patience.reach_s
@@ -203,11 +203,11 @@ class _WayBack:
             try:
                 await self.work.defuse(session)
                 return await self._is_declared(far, session)
-            except DeviceFailed:
+            except DeviceError:
                 if clock() >= until:
                     return False
                 await asyncio.sleep(far.job.patience.first_poll_s)
-            with suppress(DeviceFailed):
+            with suppress(DeviceError):
                 session = await far.contact.reach(max(0.0, until - clock()), "taking its job away")
 
     async def _no_job(self) -> None:
@@ -218,15 +218,15 @@ class _WayBack:
         try:
             session = await far.contact.reach(_QUICK_S, "taking its job away")
             await self.work.defuse(session)
-        except DeviceFailed:
+        except DeviceError:
             far.notes.append(f"the job {PAIR} of its scheduler is still there, and goes when it has run")
 
-    def _untouched(self, end: End) -> DeviceResult:
+    def _untouched_result(self, end: End) -> DeviceResult:
         if not end.actions:
-            return end.unchanged()
+            return end.report_unchanged()
         hint = getattr(self.reason, "hint", None)
         result = end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
-        return replace(result, reached=not isinstance(self.reason, Unreachable))
+        return replace(result, was_reached=not isinstance(self.reason, Unreachable))
 
     def _unknown(self, end: End) -> DeviceResult:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
@@ -248,36 +248,36 @@ async def clear(work: Transaction, mode: JobMode) -> BackResults | None:
     holds their safe mode: from then on both stay. While only its own end has the new radio it has to run, for the other
     one has returned. In every other case the run that follows plans from what it reads, and arms a job of its own.
     """
-    stopped = _in_use(work, mode)
-    if stopped:
-        return _stopped(work, stopped)
+    reason = _in_use(work, mode)
+    if reason:
+        return _build_stop_results(work, reason)
     if any(_has_to_run(work, end) for end in work.ends):
         await _until_run(work)
-        ended = await read_again(work) or _stopped_if(work, _in_use(work, mode))
-        if ended is not None:
-            return ended
+        results = await read_again(work) or _stopped_if(work, _in_use(work, mode))
+        if results is not None:
+            return results
     try:
         for end in work.ends:
             current = await ApiSafeMode().look(end.channel)
-            if current.taken:
-                return _stopped(work, f"{end.name}: {current.who} holds safe mode, and there is only one")
+            if current.is_taken:
+                return _build_stop_results(work, f"{end.name}: {current.who} holds safe mode, and there is only one")
         for end in work.ends:
-            if end.left:
-                end.removed = await end.left.remove(end.channel)
-                end.notes.append(f"removed {' and '.join(end.removed)}")
-    except DeviceFailed as failure:
-        return _stopped(work, str(failure))
+            if end.leftovers:
+                end.removed_items = await end.leftovers.remove(end.channel)
+                end.notes.append(f"removed {' and '.join(end.removed_items)}")
+    except DeviceError as failure:
+        return _build_stop_results(work, str(failure))
     return await read_again(work) or _stopped_if(work, _in_use(work, mode))
 
 
-async def returned(work: Transaction) -> None:
+async def wait_for_return(work: Transaction) -> None:
     """After a run that was killed: give both ends the time that they need to return by themselves."""
     for end in work.ends:
         try:
             session = await end.contact.reach(DEAD_SESSION_S + work.pair.link_timeout_s, "returning by itself")
             await end.contact.until_free(ApiSafeMode(), session, end.job.patience.undo_s)
             await end.contact.leave(session)
-        except DeviceFailed:
+        except DeviceError:
             continue
 
 
@@ -287,36 +287,36 @@ def _in_use(work: Transaction, mode: JobMode) -> str:
     Of a bridge that is as declared, a job alone is none: who is at work there holds safe mode, or has changed nothing
     yet and sees that its job is gone.
     """
-    settled = not any(end.actions for end in work.ends)
+    is_as_desired = not any(end.actions for end in work.ends)
     for end in work.ends:
-        other = end.signer.other(end.left.markers)
-        if end.left.safe_mode is not None:
-            return f"{end.name}: {end.left.safe_mode} holds safe mode, and there is only one"
+        other = end.signer.other(end.leftovers.markers)
+        if end.leftovers.safe_mode is not None:
+            return f"{end.name}: {end.leftovers.safe_mode} holds safe mode, and there is only one"
         if other is not None:
             return f"{end.name}: {other.text} is under way on this device, or has died there"
-        alive = end.left.alive(end.signer.is_over)
-        if alive is not None and mode is not JobMode.RESUME and not settled:
+        alive = end.leftovers.alive(end.signer.is_over)
+        if alive is not None and mode is not JobMode.RESUME and not is_as_desired:
             return f"{end.name}: {alive}"
     return ""
 
 
 def _has_to_run(work: Transaction, end: End) -> bool:
     """Tell whether the job of an end has to run: only this end has what is declared, or it is the way back of one."""
-    if not end.left.jobs or not any(each.actions for each in work.ends):
+    if not end.leftovers.jobs or not any(each.actions for each in work.ends):
         return False
     other = work.near if end is work.far else work.far
-    return end.left.armed(DEAD_MAN) is not None or (other.changes_radio and not end.changes_radio)
+    return end.leftovers.find_job(DEAD_MAN) is not None or (other.changes_radio and not end.changes_radio)
 
 
 async def _until_run(work: Transaction) -> None:
     """Wait until no job is armed any more; the link may come and go with that."""
     for end in work.ends:
         patience = end.job.patience
-        with suppress(DeviceFailed):
-            if end.left.jobs:
+        with suppress(DeviceError):
+            if end.leftovers.jobs:
                 longest_s = max(2 * work.pair.link_timeout_s, patience.undo_s + 2 * patience.dead_man_s)
-                await end.contact.until_fired(end.channel, ARMED, longest_s)
-    await returned(work)
+                await end.contact.until_fired(end.channel, READ_JOBS, longest_s)
+    await wait_for_return(work)
 
 
 async def read_again(work: Transaction) -> BackResults | None:
@@ -332,10 +332,10 @@ async def read_again(work: Transaction) -> BackResults | None:
 
 
 def _stopped_if(work: Transaction, why: str) -> BackResults | None:
-    return _stopped(work, why) if why else None
+    return _build_stop_results(work, why) if why else None
 
 
-def _stopped(work: Transaction, why: str) -> BackResults:
+def _build_stop_results(work: Transaction, why: str) -> BackResults:
     return _left_between(work.near, work.near.job.site, why), _left_between(work.far, work.near.job.site, why)
 
 

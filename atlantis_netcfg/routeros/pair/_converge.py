@@ -11,12 +11,12 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.api import Traffic
 from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge, stopped_before_turn
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop
-from atlantis_netcfg.routeros.pair._back import back, clear, read_again, returned
+from atlantis_netcfg.routeros.pair._back import back, clear, read_again, wait_for_return
 from atlantis_netcfg.routeros.pair._end import End, Pair
 from atlantis_netcfg.routeros.pair._radio import disagreements
 from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE, Transaction
@@ -43,11 +43,13 @@ async def _back(work: Transaction, why: str) -> DeviceResult:
     try:
         session = near.channel
         await SAFE_MODE.unroll(session)
-        left = near.same(await near.reread(session))
+        different_menus = near.same(await near.reread(session))
     except NetcfgError as lost:
         return near.result(Status.UNKNOWN, f"the outcome is not known: {why}; then: {lost}")
-    if left:
-        return near.result(Status.UNKNOWN, f"the outcome is not known: {why}; it differs in {', '.join(left)}")
+    if different_menus:
+        return near.result(
+            Status.UNKNOWN, f"the outcome is not known: {why}; it differs in {', '.join(different_menus)}"
+        )
     return near.rolled_back(why)
 
 
@@ -66,28 +68,32 @@ async def converge_pair(pair: Pair, *, mode: JobMode = JobMode.APPLY) -> Results
     """
     near_sessions: list[Traffic] = []
     far_sessions: list[Traffic] = []
-    pair = replace(pair, near=_counted(pair.near, near_sessions), far=_counted(pair.far, far_sessions))
-    near, far = await _converged(pair, mode)
+    pair = replace(pair, near=_count_sessions(pair.near, near_sessions), far=_count_sessions(pair.far, far_sessions))
+    near, far = await _converge_both(pair, mode)
     return _with_cost(near, near_sessions), _with_cost(far, far_sessions)
 
 
-def _counted(job: DeviceJob, sessions: list[Traffic]) -> DeviceJob:
+def _count_sessions(job: DeviceJob, sessions: list[Traffic]) -> DeviceJob:
     return replace(job, endpoint=replace(job.endpoint, opening=sessions.append))
 
 
 def _with_cost(result: DeviceResult, sessions: list[Traffic]) -> DeviceResult:
     cost = Traffic.total(sessions)
     return replace(
-        result, round_trips=cost.round_trips, sent=cost.sent, received=cost.received, sessions=cost.connections
+        result,
+        round_trips=cost.round_trips,
+        sent_bytes=cost.sent_bytes,
+        received_bytes=cost.received_bytes,
+        sessions=cost.connections,
     )
 
 
-async def _converged(pair: Pair, mode: JobMode) -> Results:
+async def _converge_both(pair: Pair, mode: JobMode) -> Results:
     if mode not in (JobMode.PLAN, JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK):
         return await _one_by_one(pair, mode)
-    started = asyncio.get_running_loop().time()
+    start_time = asyncio.get_running_loop().time()
     near, far = (
-        End(job, Contact(job), radio, started)
+        End(job, Contact(job), radio, start_time)
         for job, radio in ((_patient(pair.near), pair.near_radio), (_patient(pair.far), pair.far_radio))
     )
     work = Transaction(pair, near, far)
@@ -106,7 +112,7 @@ async def _converged(pair: Pair, mode: JobMode) -> Results:
 
 async def _end(work: Transaction, results: Results | None) -> Results | None:
     try:
-        return None if results is None else (work.near.ended(results[0]), work.far.ended(results[1]))
+        return None if results is None else (work.near.finish(results[0]), work.far.finish(results[1]))
     finally:
         await _close(work)
 
@@ -125,7 +131,7 @@ async def _stoppable(work: Transaction, mode: JobMode) -> Results | None:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
         if all(end.before is not None for end in work.ends):
-            return await back(work, DeviceFailed("stopped by hand"))
+            return await back(work, DeviceError("stopped by hand"))
         near, far = (
             end.result(Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand") for end in (work.near, work.far)
         )
@@ -141,18 +147,18 @@ async def _one_by_one(pair: Pair, mode: JobMode, work: Transaction | None = None
     """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
     if work is not None and work.unseen is not None:
         near = await converge(pair.near, mode=mode)
-        return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.ended(work.unseen)
+        return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.finish(work.unseen)
     far = await converge(pair.far, mode=mode)
     near = stopped_before_turn(pair.near.name) if far.is_stopped else await converge(pair.near, mode=mode)
     if work is not None:
-        near, far = (_noted(work, end, each) for end, each in ((work.near, near), (work.far, far)))
+        near, far = (_add_notes(work, end, each) for end, each in ((work.near, near), (work.far, far)))
     return near, far
 
 
-def _noted(work: Transaction, end: End, result: DeviceResult) -> DeviceResult:
+def _add_notes(work: Transaction, end: End, result: DeviceResult) -> DeviceResult:
     """Add what the pair knows of an end that was run alone."""
     notes = [_words(work.pair)] if any(each.changes_radio for each in work.ends) else []
-    notes += [f"removed {what}" for what in end.removed]
+    notes += [f"removed {what}" for what in end.removed_items]
     return replace(result, notes=(*result.notes, *notes))
 
 
@@ -172,16 +178,16 @@ def _words(pair: Pair) -> str:
 
 async def _run(work: Transaction, mode: JobMode) -> Results | None:
     """Run the pair as one; None: these are ordinary runs."""
-    ended = await _read(work, mode)
-    if ended is not None or work.unseen is not None:
-        return ended
-    left = any(end.left for end in work.ends)
-    if left and mode is not JobMode.PLAN:
-        ended = await clear(work, mode)
-        if ended is not None:
-            return ended
-    if not any(end.actions for end in work.ends) and not (left and mode is JobMode.PLAN):
-        return work.near.unchanged(), work.far.unchanged()
+    results = await _read(work, mode)
+    if results is not None or work.unseen is not None:
+        return results
+    has_leftovers = any(end.leftovers for end in work.ends)
+    if has_leftovers and mode is not JobMode.PLAN:
+        results = await clear(work, mode)
+        if results is not None:
+            return results
+    if not any(end.actions for end in work.ends) and not (has_leftovers and mode is JobMode.PLAN):
+        return work.near.report_unchanged(), work.far.report_unchanged()
     if not any(end.changes_radio for end in work.ends):
         return None
     refusal = _refusal(work, mode)
@@ -195,7 +201,7 @@ async def _run(work: Transaction, mode: JobMode) -> Results | None:
 async def _read(work: Transaction, mode: JobMode) -> Results | None:
     """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
     if mode is JobMode.RESUME:
-        await returned(work)
+        await wait_for_return(work)
     problems = await asyncio.gather(*(end.problem(mode) for end in (work.near, work.far)))
     if not any(problems):
         return None
@@ -206,8 +212,8 @@ async def _read(work: Transaction, mode: JobMode) -> Results | None:
     if mode is JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _alone(work, far)
     return (
-        near or _left(work.near, f"its other end {work.far.name} could not be looked at"),
-        far or _left(work.far, f"its other end {work.near.name} could not be looked at"),
+        near or _unchanged_result(work.near, f"its other end {work.far.name} could not be looked at"),
+        far or _unchanged_result(work.far, f"its other end {work.near.name} could not be looked at"),
     )
 
 
@@ -217,34 +223,36 @@ def _is_new(near: End, far: DeviceResult) -> bool:
     return far.status is Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
 
 
-async def _alone(work: Transaction, gone: DeviceResult) -> Results:
+async def _alone(work: Transaction, far_result: DeviceResult) -> Results:
     """The far end is not to be seen, and may have been kept alone: follow it, then go on with both."""
     near = work.near
-    refused = "; ".join(near.refusals())
-    if refused:
-        return near.result(Status.REFUSED, f"refused, nothing was changed: {refused}", hint=near.hint()), gone
-    ended = await follow(work)
-    if ended is not None:
-        return ended, gone
-    kept = _kept(near)
-    stopped = await read_again(work) or (
-        await clear(work, JobMode.RESUME) if any(end.left for end in work.ends) else None
+    refusal = "; ".join(near.refusals())
+    if refusal:
+        return near.result(Status.REFUSED, f"refused, nothing was changed: {refusal}", hint=near.hint()), far_result
+    failure = await follow(work)
+    if failure is not None:
+        return failure, far_result
+    near_result = _success_result(near)
+    stop_results = await read_again(work) or (
+        await clear(work, JobMode.RESUME) if any(end.leftovers for end in work.ends) else None
     )
-    return kept, stopped[1] if stopped is not None else _left(work.far, "run the same command again")
+    return near_result, stop_results[1] if stop_results is not None else _unchanged_result(
+        work.far, "run the same command again"
+    )
 
 
-def _left(end: End, why: str) -> DeviceResult:
-    if end.left:
-        why = "; ".join((why, *end.left.words()))
+def _unchanged_result(end: End, why: str) -> DeviceResult:
+    if end.leftovers:
+        why = "; ".join((why, *end.leftovers.words()))
     elif not end.actions:
-        return end.unchanged()
+        return end.report_unchanged()
     return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
 
 
 def _refusal(work: Transaction, mode: JobMode) -> str:
     names = (work.near.name, work.far.name)
-    found = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
-    reasons = [f"the two ends would not find each other: {'; '.join(found)}"] if found else []
+    conflicts = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
+    reasons = [f"the two ends would not find each other: {'; '.join(conflicts)}"] if conflicts else []
     if mode is not JobMode.PLAN:
         reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
     reasons += [
@@ -264,17 +272,19 @@ async def _honestly(work: Transaction) -> Results:
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await back(work, DeviceFailed("stopped by hand"))
+        return await back(work, DeviceError("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
-        near, far = await back(work, DeviceFailed(f"provision itself failed ({type(fault).__name__})"))
+        near, far = await back(work, DeviceError(f"provision itself failed ({type(fault).__name__})"))
         return _ours(near, fault), _ours(far, fault)
-    return _kept(work.near), _kept(work.far)
+    return _success_result(work.near), _success_result(work.far)
 
 
-def _kept(end: End) -> DeviceResult:
+def _success_result(end: End) -> DeviceResult:
     number = len(end.actions)
     return (
-        end.changed(f"{number} action{'s' if number != 1 else ''} applied and verified") if number else end.unchanged()
+        end.confirm(f"{number} action{'s' if number != 1 else ''} applied and verified")
+        if number
+        else end.report_unchanged()
     )
 
 

@@ -10,15 +10,23 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError, complete
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.apply._change import missing
-from atlantis_netcfg.routeros.apply._contact import Contact, fitted
+from atlantis_netcfg.routeros.apply._contact import Contact, choose_variant
 from atlantis_netcfg.routeros.apply._job import Unfit
 from atlantis_netcfg.routeros.apply._state import RunSigner, differing, digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._work import AGREE_APART, Leftovers, cleaned, ended, look, planned, unagreed
+from atlantis_netcfg.routeros.apply._work import (
+    AGREE_APART,
+    Leftovers,
+    build_journal_action,
+    find_missing_consent,
+    look,
+    mask_secrets,
+    record_outcome,
+)
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.estimate import estimate
 from atlantis_netcfg.routeros.guard import MENUS as GUARDED
@@ -26,21 +34,21 @@ from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
 from atlantis_netcfg.routeros.pair._radio import MENUS, PairRadio, drops_link, radio_of, touches_radio
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
-from atlantis_netcfg.runs import ActionsConfirmed, DeviceObserved, JournalFailed, Planned, Record, Unrolled
+from atlantis_netcfg.runs import ActionConfirmation, DeviceObservation, JournalError, PlanRecord, Record, RollbackRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.routeros._types import Action, Observed, Plan
+    from atlantis_netcfg.routeros._types import Action, Observation, Plan
 
 
-_SHOWN = 3
+_LIST_LIMIT = 3
 _SAFE_MODE = Version(7, 18)
 """The first that has it over the API."""
 _STAGES = {Status.UNCHANGED: Stage.DONE, Status.CHANGED: Stage.CONFIRMED, Status.ROLLED_BACK: Stage.UNROLLED}
 
 
-class NotAsDeclared(DeviceFailed):
+class StateMismatch(DeviceError):
     """What was read back is not what is declared: nothing of the change may stay."""
 
 
@@ -51,14 +59,14 @@ class End:
     job: DeviceJob
     contact: Contact
     radio_name: str
-    started: float
+    start_time: float
     session: Channel | None = None
     """The first session, which holds safe mode; None once it is known to be dead."""
-    before: Observed | None = None
+    before: Observation | None = None
     plan: Plan | None = None
     examination: Examination = field(default_factory=Examination)
     """What the device's own parser has said of the plan."""
-    after: Observed | None = None
+    after: Observation | None = None
     """The device as it was read back, with nothing left to do."""
     owner: str = ""
     """What the device calls us while we hold its safe mode; empty: we do not."""
@@ -66,16 +74,16 @@ class End:
     """`.id` of the job of its scheduler that brings its radio back; empty: there is none."""
     arms: bool = False
     """Such a job was sent, and may be armed."""
-    left: Leftovers = field(default_factory=Leftovers)
+    leftovers: Leftovers = field(default_factory=Leftovers)
     """What was armed or open when it was read."""
-    removed: tuple[str, ...] = ()
+    removed_items: tuple[str, ...] = ()
     """What a run that is over had left there, and this one has taken away."""
-    confirmed: int = 0
+    confirmed_count: int = 0
     """Actions that were read back and are permanent."""
-    touched: bool = False
-    released: bool = False
+    has_sent_changes: bool = False
+    is_released: bool = False
     """What it has become is permanent, or may be."""
-    kept: bool = False
+    is_kept: bool = False
     """It is: the device has said so."""
     protection: str = "none"
     notes: list[str] = field(default_factory=list)
@@ -86,7 +94,7 @@ class End:
         return self.job.name
 
     @property
-    def seen(self) -> Observed:
+    def observation(self) -> Observation:
         """The device before the transaction."""
         if self.before is None:
             raise RuntimeError(f"{self.name} has not been read")
@@ -108,7 +116,7 @@ class End:
     def channel(self) -> Channel:
         """The first session. Raises DeviceFailed once it is gone."""
         if self.session is None:
-            raise DeviceFailed(f"the session with {self.name} is gone")
+            raise DeviceError(f"the session with {self.name} is gone")
         return self.session
 
     @property
@@ -129,13 +137,13 @@ class End:
 
     def radio(self, *, after: bool) -> PairRadio | None:
         """Return the radio of the bridge as it is, or as the plan leaves it."""
-        rows = simulate(self.seen.rows, self.plan) if after and self.plan is not None else self.seen.rows
+        rows = simulate(self.observation.rows, self.plan) if after and self.plan is not None else self.observation.rows
         return radio_of(rows, self.radio_name)
 
     @property
     def signer(self) -> RunSigner:
         """Whose job this run arms on the device, and whose leftovers it may take away."""
-        return RunSigner(self.job, self.seen.facts.session_address)
+        return RunSigner(self.job, self.observation.facts.session_address)
 
     # --- reading ---------------------------------------------------------------------------------------------------
 
@@ -143,18 +151,18 @@ class End:
         """Open the first session, read everything and plan. Raises CannotPlan, MenuMissing, Unfit, DeviceFailed."""
         self.say(Stage.CONNECTING, f"to {self.job.endpoint}", self.job.endpoint.connect_timeout_s)
         self.session = await self.contact.open()
-        self.job = await fitted(self.session, self.job)
-        self.before = await observe(self.session, self.job.endpoint, self.job.desired.menus, (*GUARDED, *MENUS))
-        self.left = look(self.before)
+        self.job = await choose_variant(self.session, self.job)
+        self.before = await observe(self.session, self.job.endpoint, self.job.desired_state.menus, (*GUARDED, *MENUS))
+        self.leftovers = look(self.before)
         facts = self.before.facts
         self.record(
-            DeviceObserved(
+            DeviceObservation(
                 device=self.name, version=str(facts.version), identity=facts.identity, state=digest(self.before)
             )
         )
-        self.plan = plan(self.name, self.job.desired, self.before)
-        while requested := self.examination.questions(self.actions, self.before.rows):
-            self.examination.answered(await self.session.flight(requested))
+        self.plan = plan(self.name, self.job.desired_state, self.before)
+        while commands := self.examination.questions(self.actions, self.before.rows):
+            self.examination.read_answers(await self.session.flight(commands))
         if (doubt := self.examination.doubt(self.actions)) and doubt not in self.notes:
             self.notes.append(doubt)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
@@ -175,70 +183,72 @@ class End:
 
     def refusals(self) -> Iterator[str]:
         """Yield why this end's plan may not be carried out."""
-        facts, path = self.seen.facts, self._path()
+        facts, path = self.observation.facts, self._path()
         if self.plan is None or not self.actions:
             return
-        yield from objections(self.plan, self.seen, path)
-        yield from missing(self.plan, self.seen)
-        yield from self.examination.objections(self.actions, self.job.desired.source)
+        yield from objections(self.plan, self.observation, path)
+        yield from missing(self.plan, self.observation)
+        yield from self.examination.objections(self.actions, self.job.desired_state.source)
         if not facts.has_safe_mode:
             yield f"RouterOS {facts.version} has no safe mode over the API, which {_SAFE_MODE} and later have"
         if facts.safe_mode_owner is not None:
             yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
         yield from self._too_dear(self.plan)
-        if apart := unagreed(self.job, self.plan):
+        if apart := find_missing_consent(self.job, self.plan):
             yield apart
-        if self.job.agreed is not None and self.job.agreed != plan_hash(self.plan):
+        if self.job.agreed_hash is not None and self.job.agreed_hash != plan_hash(self.plan):
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
 
     def hint(self) -> str | None:
         """What to do about a refusal, where that is one thing."""
-        facts = self.seen.facts
+        facts = self.observation.facts
         if not facts.has_safe_mode and self.actions:
             return facts.upgrade(_SAFE_MODE)
-        return AGREE_APART if self.plan is not None and unagreed(self.job, self.plan) else None
+        return AGREE_APART if self.plan is not None and find_missing_consent(self.job, self.plan) else None
 
-    def _too_dear(self, found: Plan) -> Iterator[str]:
+    def _too_dear(self, current_plan: Plan) -> Iterator[str]:
         """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
         job = self.job
         if job.cost_policy is None or job.bearer is None:
             return
-        cost = estimate(found, job.bearer, self.seen)
-        refusal = job.cost_policy.judge(self.seen, cost, spends=True, planned=False).refusal
+        cost = estimate(current_plan, job.bearer, self.observation)
+        refusal = job.cost_policy.judge(self.observation, cost, spends=True, is_plan=False).refusal
         if refusal is not None:
             yield refusal
 
     def _path(self) -> ManagementPath:
-        job, facts = self.job, self.seen.facts
+        job, facts = self.job, self.observation.facts
         return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
-    async def reread(self, session: Channel) -> Observed:
+    async def reread(self, session: Channel) -> Observation:
         """Read what was read before the transaction, in another session. Raises SessionLost."""
-        return await observe(session, self.job.endpoint, self.job.desired.menus, tuple(self.seen.rows))
+        return await observe(session, self.job.endpoint, self.job.desired_state.menus, tuple(self.observation.rows))
 
-    def compare(self, now: Observed) -> None:
+    def compare(self, now: Observation) -> None:
         """See that nothing is left to do. Raises NotAsDeclared."""
         try:
-            left = plan(self.name, self.job.desired, now).actions
+            remaining_actions = plan(self.name, self.job.desired_state, now).actions
         except CannotPlan as problem:
-            raise NotAsDeclared(f"what {self.name} has become does not fit any more: {problem}") from problem
-        if left:
-            names = "; ".join(f"{action.verb} {action.subject}" for action in left[:_SHOWN])
-            raise NotAsDeclared(f"{self.name} did not keep everything; still to do: {names}")
-        unused = [row for row in invalid(now) if row not in invalid(self.seen)]
-        if unused:
-            raise NotAsDeclared(f"{self.name} took these rows, but does not use them: {'; '.join(unused[:_SHOWN])}")
+            raise StateMismatch(f"what {self.name} has become does not fit any more: {problem}") from problem
+        if remaining_actions:
+            names = "; ".join(f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT])
+            raise StateMismatch(f"{self.name} did not keep everything; still to do: {names}")
+        unused_rows = [row for row in invalid(now) if row not in invalid(self.observation)]
+        if unused_rows:
+            raise StateMismatch(
+                f"{self.name} took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
+            )
         self.after = now
 
-    def same(self, now: Observed) -> tuple[str, ...]:
+    def same(self, now: Observation) -> tuple[str, ...]:
         """Return the menus in which the device is not as it was before."""
-        return differing(self.seen, now)
+        return differing(self.observation, now)
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
     def say(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
         """Tell the subscriber."""
-        event = Event(self.name, stage, message, self.confirmed, len(self.actions), limit_s=limit_s)
+        event = Event(self.name, stage, message, self.confirmed_count, len(self.actions), limit_s=limit_s)
         self.job.events(event)
 
     def record(self, record: Record) -> None:
@@ -247,33 +257,33 @@ class End:
 
     def note(self, record: Record) -> None:
         """Put a record on disk if that is possible: what it reports has happened in any case."""
-        with suppress(JournalFailed):
+        with suppress(JournalError):
             self.job.journal.write(record)
 
     def announce(self) -> None:
         """Put the plan into the journal."""
         if self.plan is not None:
-            actions = tuple(map(planned, self.actions))
-            self.record(Planned(device=self.name, plan=plan_hash(self.plan), actions=actions))
+            actions = tuple(map(build_journal_action, self.actions))
+            self.record(PlanRecord(device=self.name, plan=plan_hash(self.plan), actions=actions))
 
-    def changed(self, message: str) -> DeviceResult:
+    def confirm(self, message: str) -> DeviceResult:
         """Say that the device is as declared, for good."""
         numbers = tuple(action.number for action in self.actions)
-        self.note(ActionsConfirmed(device=self.name, actions=numbers))
-        self.confirmed = len(numbers)
+        self.note(ActionConfirmation(device=self.name, actions=numbers))
+        self.confirmed_count = len(numbers)
         return self.result(Status.CHANGED, message)
 
     def rolled_back(self, why: str) -> DeviceResult:
         """Say that the device is as before."""
-        self.note(Unrolled(device=self.name, reason=self.clean(why)))
+        self.note(RollbackRecord(device=self.name, reason=self.clean(why)))
         return self.result(Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
 
-    def unchanged(self) -> DeviceResult:
+    def report_unchanged(self) -> DeviceResult:
         """Say that nothing was to be changed, and what was taken away that a run had left."""
-        if not self.removed:
+        if not self.removed_items:
             return self.result(Status.UNCHANGED, "no changes needed")
-        self.after = self.seen
-        return self.result(Status.CHANGED, f"as declared; removed {' and '.join(self.removed)}")
+        self.after = self.observation
+        return self.result(Status.CHANGED, f"as declared; removed {' and '.join(self.removed_items)}")
 
     def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
         """Say how it ended."""
@@ -284,31 +294,31 @@ class End:
             exit=status.exit,
             message=complete(self.clean(message), site=self.job.site, device=self.name),
             hint=hint and complete(hint, site=self.job.site, device=self.name),
-            planned=len(self.actions),
+            planned_count=len(self.actions),
             rows=self.plan.weight if self.plan is not None else 0,
             foreign_words=self.plan.foreign_words if self.plan is not None else "",
-            confirmed=self.confirmed,
+            confirmed_count=self.confirmed_count,
             diff=self.plan.diff if self.plan is not None else "",
             drift=self.plan.drift if self.plan is not None else (),
             notes=(*(self.plan.notes if self.plan is not None else ()), *self.notes, *self.contact.notes),
             plan_hash=plan_hash(self.plan) if self.plan is not None else "",
             protection=self.protection,
             round_trips=traffic.round_trips,
-            sent=traffic.sent,
-            received=traffic.received,
-            seconds=now - self.started,
+            sent_bytes=traffic.sent_bytes,
+            received_bytes=traffic.received_bytes,
+            seconds=now - self.start_time,
             facts=self.before.facts if self.before is not None else None,
             sessions=traffic.connections,
         )
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
-        return cleaned(text, self.actions)
+        return mask_secrets(text, self.actions)
 
-    def ended(self, result: DeviceResult) -> DeviceResult:
+    def finish(self, result: DeviceResult) -> DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
         read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
-        result = ended(self.job, result, read if self.plan is not None else None)
+        result = record_outcome(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result
 

@@ -77,15 +77,15 @@ def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> PairRadio |
 
 def _legacy(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
     """Return the radio's row, and its security profile's with `security.` before the names."""
-    desired = row.get("security-profile", "default")
+    profile_name = row.get("security-profile", "default")
     profiles = rows.get(f"{LEGACY}/security-profiles", ())
-    profile = next((each for each in profiles if each.get("name") == desired), {})
+    profile = next((each for each in profiles if each.get("name") == profile_name), {})
     return {**{f"security.{name}": value for name, value in profile.items()}, **row}
 
 
 def _wifi(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
     """Resolve inheritance: interface, its profiles, its configuration profile, profiles of that (Manual, WiFi)."""
-    configuration = _named(rows, "configuration", row)
+    configuration = _find_profile(rows, "configuration", row)
     inside = {
         (name if "." in name or name in _PARTS else f"configuration.{name}"): value
         for name, value in configuration.items()
@@ -95,10 +95,10 @@ def _wifi(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
 
 
 def _profiles(rows: Mapping[str, tuple[Row, ...]], row: Row) -> list[Mapping[str, str]]:
-    return [{f"{part}.{name}": value for name, value in _named(rows, part, row).items()} for part in _PARTS]
+    return [{f"{part}.{name}": value for name, value in _find_profile(rows, part, row).items()} for part in _PARTS]
 
 
-def _named(rows: Mapping[str, tuple[Row, ...]], part: str, row: Row) -> Row:
+def _find_profile(rows: Mapping[str, tuple[Row, ...]], part: str, row: Row) -> Row:
     name = row.get(part, "")
     return next((each for each in rows.get(f"{WIFI}/{part}", ()) if name and each.get("name") == name), {})
 
@@ -121,7 +121,7 @@ def level_dbm(row: Row) -> float | None:
 
 _APS = ("ap", "ap-bridge", "bridge")
 _ALL = frozenset({"802.11", "nstreme", "nv2"})
-_UNDERSTOOD = {
+_PROTOCOLS = {
     "any": _ALL,
     "unspecified": frozenset({"802.11", "nstreme"}),
     "nv2-nstreme": frozenset({"nv2", "nstreme"}),
@@ -171,25 +171,25 @@ def _values(near: PairRadio, far: PairRadio, names: tuple[str, str]) -> Iterator
             yield f"{name} would be {here or 'unset'} on {names[0]} and {there or 'unset'} on {names[1]}"
     if _word(near, "band")[:4] != _word(far, "band")[:4] and _word(near, "band") and _word(far, "band"):
         yield f"band would be {_word(near, 'band')} on {names[0]} and {_word(far, 'band')} on {names[1]}"
-    if ap.menu == LEGACY and _spoken(ap) not in _understood(station):
+    if ap.menu == LEGACY and _ap_protocol(ap) not in _station_protocols(station):
         words = (near.get("wireless-protocol"), far.get("wireless-protocol"))
         yield f"wireless-protocol would be {words[0]} on {names[0]} and {words[1]} on {names[1]}"
     elif not _same_key(ap, station):
         yield f"the keys of {names[0]} and {names[1]} would differ"
 
 
-def _spoken(ap: PairRadio) -> str:
+def _ap_protocol(ap: PairRadio) -> str:
     word = ap.get("wireless-protocol", "any")
     return "nv2" if word.startswith("nv2") else "802.11" if word in ("any", "unspecified") else word
 
 
-def _understood(station: PairRadio) -> frozenset[str]:
+def _station_protocols(station: PairRadio) -> frozenset[str]:
     word = station.get("wireless-protocol", "any")
-    return _UNDERSTOOD.get(word, frozenset({word}))
+    return _PROTOCOLS.get(word, frozenset({word}))
 
 
 def _same_key(ap: PairRadio, station: PairRadio) -> bool:
-    if ap.menu == LEGACY and _spoken(ap) == "nv2":
+    if ap.menu == LEGACY and _ap_protocol(ap) == "nv2":
         if ap.get("nv2-security", "disabled") != station.get("nv2-security", "disabled"):
             return False
         return ap.get("nv2-security") != "enabled" or _equal(ap, station, "nv2-preshared-key")

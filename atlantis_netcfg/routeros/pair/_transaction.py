@@ -14,14 +14,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed, NetcfgError
+from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._protection import Interfered
+from atlantis_netcfg.routeros.apply._protection import InterferenceError
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
-from atlantis_netcfg.routeros.apply._state import SAVING, digest, fetch, saved
-from atlantis_netcfg.routeros.commands import executed
-from atlantis_netcfg.routeros.pair._end import End, NotAsDeclared, Pair, Signal
+from atlantis_netcfg.routeros.apply._state import SAVING, digest, fetch, parse_export
+from atlantis_netcfg.routeros.commands import script_command
+from atlantis_netcfg.routeros.pair._end import End, Pair, Signal, StateMismatch
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
 from atlantis_netcfg.routeros.safe_mode import (
     DEAD_SESSION_S,
@@ -32,16 +32,24 @@ from atlantis_netcfg.routeros.safe_mode import (
     SafeModeUnavailable,
 )
 from atlantis_netcfg.routeros.scheduler_jobs import (
-    ARMED,
     PAIR,
-    AlreadyArmed,
+    READ_JOBS,
+    JobConflict,
     arm_pair,
     disarm,
     forbidden,
     jobs_of,
     pair_script,
 )
-from atlantis_netcfg.runs import ActionsAcknowledged, LayerSent, Protected, Released, Releasing, Signed, Verified
+from atlantis_netcfg.runs import (
+    ActionAcknowledgement,
+    LayerSent,
+    ProtectionRecord,
+    ReleaseRecord,
+    Releasing,
+    SignRecord,
+    VerificationRecord,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,11 +62,11 @@ SAFE_MODE = ApiSafeMode(silence_s=20.0)
 """For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
 
 
-class LinkGone(DeviceFailed):
+class LinkGone(DeviceError):
     """The link has not come back in time, or not as it has to be."""
 
 
-class Refusal(DeviceFailed):
+class Refusal(DeviceError):
     """The device refused an action."""
 
 
@@ -69,7 +77,7 @@ class Transaction:
     pair: Pair
     near: End
     far: End
-    linked: bool = False
+    is_linked: bool = False
     """The far end was reached after its change."""
     deadline: float = 0.0
     """When the near end is taken back, whatever is missing."""
@@ -99,8 +107,8 @@ class Transaction:
     # --- before ----------------------------------------------------------------------------------------------------
 
     async def _save(self, end: End) -> None:
-        found = saved(*await end.channel.flight(SAVING))
-        text = found.text if found.text is not None else await fetch(end.channel)
+        saved_export = parse_export(*await end.channel.flight(SAVING))
+        text = saved_export.text if saved_export.text is not None else await fetch(end.channel)
         end.job.journal.save(end.name, text)
 
     async def _protect(self) -> None:
@@ -126,32 +134,32 @@ class Transaction:
         except SafeModeUnavailable as unavailable:
             raise SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
         end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
-        self._protected(end)
+        self._record_protection(end)
 
     async def _see_job(self) -> None:
         """See that the far end's job is still there: another run that took this one for dead would have removed it."""
         far = self.far
-        if far.job_id and not any(row.get(".id") == far.job_id for row in (await far.channel.command(ARMED)).rows):
+        if far.job_id and not any(row.get(".id") == far.job_id for row in (await far.channel.command(READ_JOBS)).rows):
             far.job_id = ""
-            raise Interfered(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
+            raise InterferenceError(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
 
     async def _arm(self) -> None:
         """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
         far, near = self.far, self.near.radio(after=False)
-        radio, why = far.radio(after=False), forbidden(far.seen.facts) or ""
+        radio, why = far.radio(after=False), forbidden(far.observation.facts) or ""
         try:
-            rollback = inverse(far.seen, far.aim, with_secrets=True)
+            rollback = inverse(far.observation, far.aim, with_secrets=True)
         except CannotInvert as reason:
             why = why or f"there is no script for the way back ({reason})"
         if not why and radio is not None and near is not None:
             try:
                 text = pair_script(radio.menu, near.mac, rollback)
-                far.record(Signed(device=far.name, sign=far.signer.text))
+                far.record(SignRecord(device=far.name, sign=far.signer.text))
                 far.arms = True
                 far.job_id = await arm_pair(far.channel, text, far.signer.text, self.pair.link_timeout_s)
-            except AlreadyArmed:
+            except JobConflict:
                 raise
-            except DeviceFailed as failed:
+            except DeviceError as failed:
                 why = str(failed)
             else:
                 self.fires = asyncio.get_running_loop().time() + self.pair.link_timeout_s
@@ -161,9 +169,9 @@ class Transaction:
             f" bring it back sooner, {why or 'it has no radio'}"
         )
 
-    def _protected(self, end: End) -> None:
+    def _record_protection(self, end: End) -> None:
         job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
-        end.record(Protected(device=end.name, how=end.protection))
+        end.record(ProtectionRecord(device=end.name, how=end.protection))
         end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
 
     # --- changing --------------------------------------------------------------------------------------------------
@@ -178,11 +186,11 @@ class Transaction:
             return
         self._announce(far, far.storm)
         patience_s = self.pair.link_timeout_s + DEAD_SESSION_S
-        commands = [executed(_script(far.storm)), READ]
+        commands = [script_command(_script(far.storm)), READ]
         self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
-        done, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
-        if done:
-            self._received(await self._answer)
+        finished_tasks, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
+        if finished_tasks:
+            self._read_far_replies(await self._answer)
         else:
             far.say(Stage.WAITING, "its radio was changed, the link is gone", patience_s)
 
@@ -193,26 +201,26 @@ class Transaction:
     async def _write(self, end: End, actions: Sequence[Action]) -> None:
         for text, inside in scripts(actions):
             self._announce(end, inside)
-            reply, holder = await end.channel.flight([executed(text), READ])
-            self._acknowledged(end, inside, reply, holder)
+            reply, holder = await end.channel.flight([script_command(text), READ])
+            self._record_acknowledgement(end, inside, reply, holder)
 
     def _announce(self, end: End, actions: Sequence[Action]) -> None:
         layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in actions))
         end.record(LayerSent(device=end.name, layer=layers, actions=tuple(action.number for action in actions)))
-        end.touched = True
+        end.has_sent_changes = True
 
-    def _received(self, replies: Sequence[Reply]) -> None:
-        self._acknowledged(self.far, self.far.storm, *replies)
+    def _read_far_replies(self, replies: Sequence[Reply]) -> None:
+        self._record_acknowledgement(self.far, self.far.storm, *replies)
 
-    def _acknowledged(self, end: End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
+    def _record_acknowledgement(self, end: End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
         result = output(reply.ret or "")
-        end.note(ActionsAcknowledged(device=end.name, actions=result.acknowledged))
-        if reply.trap is not None or list(result.acknowledged) != [action.number for action in actions]:
+        end.note(ActionAcknowledgement(device=end.name, actions=result.acknowledged_numbers))
+        if reply.trap is not None or list(result.acknowledged_numbers) != [action.number for action in actions]:
             words = reply.trap.message if reply.trap is not None else result.words
             raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
         if not Holder.of(holder).ours:
             raise ProtectionLost(f"{end.name}: safe mode is not held any more in the middle of the change")
-        end.say(Stage.APPLYING, f"{len(result.acknowledged)} actions sent")
+        end.say(Stage.APPLYING, f"{len(result.acknowledged_numbers)} actions sent")
 
     # --- proving ---------------------------------------------------------------------------------------------------
 
@@ -221,14 +229,14 @@ class Transaction:
         try:
             async with asyncio.timeout_at(self.deadline):
                 await self._prove_end(self.far)
-                self.linked = True
+                self.is_linked = True
                 if self._answer is not None:
-                    self._received(await self._answer)
+                    self._read_far_replies(await self._answer)
                 await self._prove_end(self.near)
                 await self._prove_radio()
         except TimeoutError:
-            waited = self.pair.link_timeout_s - self.pair.reserve_s
-            raise LinkGone(f"the link was not back and proved within {waited:.0f} s") from None
+            timeout_s = self.pair.link_timeout_s - self.pair.reserve_s
+            raise LinkGone(f"the link was not back and proved within {timeout_s:.0f} s") from None
 
     async def _prove_end(self, end: End) -> None:
         end.say(Stage.VERIFYING, "reading back in a new session")
@@ -237,22 +245,22 @@ class Transaction:
             session = await end.contact.reach(left_s, "verifying", insist=False)
             try:
                 now = await end.reread(session)
-            except DeviceFailed:
+            except DeviceError:
                 await end.contact.leave(session)
                 await asyncio.sleep(end.job.patience.first_poll_s)
                 continue
             break
         end.compare(now)
         self._anew[end.name] = session
-        end.record(Verified(device=end.name, state=digest(now)))
+        end.record(VerificationRecord(device=end.name, state=digest(now)))
 
     async def _prove_radio(self) -> None:
         """See that each end has the other one in its registration table, within the declared levels."""
         for end, other in ((self.far, self.near), (self.near, self.far)):
             radio, peer = end.radio(after=True), other.radio(after=True)
             if radio is None or peer is None:
-                raise NotAsDeclared(f"{end.name} has no radio any more")
-            rows = (await self._anew[end.name].command(registrations(radio.menu))).checked().rows
+                raise StateMismatch(f"{end.name} has no radio any more")
+            rows = (await self._anew[end.name].command(registrations(radio.menu))).check().rows
             row = next((row for row in rows if row.get("mac-address", "").upper() == peer.mac.upper()), None)
             if row is None:
                 raise LinkGone(f"{other.name} is not registered with the radio of {end.name}")
@@ -273,21 +281,21 @@ class Transaction:
     async def release(self, end: End, session: Channel) -> None:
         """Make one end permanent. Raises ProtectionLost, SessionLost: then it is not known whether it is."""
         end.record(Releasing(device=end.name))
-        end.released = True
+        end.is_released = True
         try:
             await SAFE_MODE.release_of(session, end.owner)
         except ProtectionLost as lost:
             raise ProtectionLost(f"{end.name}: {lost}") from lost
-        end.kept = True
+        end.is_kept = True
         end.owner = ""
-        end.record(Released(device=end.name))
+        end.record(ReleaseRecord(device=end.name))
 
     async def defuse(self, session: Channel) -> None:
         """Take the far end's job away, if this run may have armed one: the answer to that may have been lost."""
         far = self.far
         if not far.arms:
             return
-        for job in jobs_of((await session.command(ARMED)).checked().rows):
+        for job in jobs_of((await session.command(READ_JOBS)).check().rows):
             if job.name == PAIR and job.owner == far.signer.text:
                 await disarm(session, job.id)
         far.job_id, far.arms = "", False
@@ -301,7 +309,7 @@ class Transaction:
         with suppress(asyncio.CancelledError, NetcfgError):
             await answer
 
-    def answered(self) -> bool:
+    def can_use_first_session(self) -> bool:
         """Whether the far end's first session is still good for something."""
         return self._answer is None or (
             self._answer.done() and not self._answer.cancelled() and self._answer.exception() is None
@@ -312,7 +320,7 @@ def _script(actions: Sequence[Action]) -> str:
     """Return one script. Raises DeviceFailed if that is not possible."""
     parts = list(scripts(actions))
     if len(parts) > 1:
-        raise DeviceFailed("the change is too long for one script, and a radio cannot be changed in pieces")
+        raise DeviceError("the change is too long for one script, and a radio cannot be changed in pieces")
     return parts[0][0]
 
 

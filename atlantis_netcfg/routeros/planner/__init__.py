@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Row, Verb
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observation, Plan, Row, Verb
 from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
 from atlantis_netcfg.routeros.pin import sim_of
@@ -24,7 +24,7 @@ from atlantis_netcfg.routeros.planner._rename import (
     conflicts,
     is_named_port,
     rename_changes,
-    renamed,
+    rename_rows,
     renames,
     simulate,
 )
@@ -32,46 +32,46 @@ from atlantis_netcfg.routeros.planner._rename import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros._items import Desired, RowItem
+    from atlantis_netcfg.routeros._items import DesiredState, RowItem
 
-__all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "renamed", "simulate"]
+__all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "rename_rows", "simulate"]
 
 
-def plan(device: str, desired: Desired, observed: Observed) -> Plan:
+def plan(device: str, desired_state: DesiredState, observation: Observation) -> Plan:
     """Return the actions that make the device as declared, with their diff and what was found besides.
 
     Raises CannotPlan, with all reasons and the lines of the text, for a device that lacks what the text needs, and
     KeyError for a menu of the text that was not read.
     """
-    menus = sorted(desired.menus, key=rank)
-    facts = observed.facts
-    lacking = [each for path in menus for each in _unsupported(path, desired, facts.version)]
-    found = renames(desired, observed.rows)
-    problems = [*(problem for problem, _ in lacking), *conflicts(found, observed.rows)]
-    rows = as_renamed(desired, observed.rows)
+    menus = sorted(desired_state.menus, key=rank)
+    facts = observation.facts
+    lacking = [each for path in menus for each in _find_unsupported(path, desired_state, facts.version)]
+    port_renames = renames(desired_state, observation.rows)
+    problems = [*(problem for problem, _ in lacking), *conflicts(port_renames, observation.rows)]
+    rows = as_renamed(desired_state, observation.rows)
     # Until it is known what our user may read, a secret that reads as empty counts as one: then it will be asked.
-    policies = observed.facts.policies
+    policies = observation.facts.policies
     sensitive = policies is None or "sensitive" in policies
-    context = Context(desired, Names(observed.rows), sensitive, sim_of(observed.modem))
-    parts = [_plan_menu(path, desired, rows[path], context) for path in menus]
+    context = Context(desired_state, Names(observation.rows), sensitive, sim_of(observation.modem))
+    parts = [_plan_menu(path, desired_state, rows[path], context) for path in menus]
     for part in parts:
-        _take_names_out(part, found)
+        _take_names_out(part, port_renames)
         problems += part.problems
     if problems:
-        message = "\n".join(f"{device}: {desired.source}, {problem}" for problem in problems)
+        message = "\n".join(f"{device}: {desired_state.source}, {problem}" for problem in problems)
         raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
-    changed = {part.menu.path for part in parts if part.changes}
-    remarks = [remark for path, remark in desired.remarks if path in changed]
+    changed_menus = {part.menu.path for part in parts if part.changes}
+    remarks = [remark for path, remark in desired_state.remarks if path in changed_menus]
     result = Plan(
         device=device,
-        actions=tuple(_numbered([*rename_changes(found, observed), *_in_order(parts)])),
+        actions=tuple(_number_actions([*rename_changes(port_renames, observation), *_in_order(parts)])),
         diff=render((part.menu, part.lines) for part in parts),
         drift=tuple(drift for part in parts for drift in part.drift),
-        hidden=tuple(hidden for part in parts for hidden in part.hidden),
+        hidden_secrets=tuple(secret for part in parts for secret in part.hidden_secrets),
         foreign=tuple((part.menu.title, part.foreign) for part in parts if part.foreign),
         notes=(
-            *newer_than_known(observed.facts.version),
-            *desired.notes,
+            *newer_than_known(observation.facts.version),
+            *desired_state.notes,
             *remarks,
             *dict.fromkeys(note for part in parts for note in part.notes),
         ),
@@ -89,24 +89,24 @@ def newer_than_known(version: Version) -> Iterator[str]:
         )
 
 
-def as_renamed(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
+def as_renamed(desired_state: DesiredState, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
     """Return the rows of the declared menus as they will read once the ports have their declared names."""
-    names = {each.old: each.name for each in renames(desired, rows)}
-    return {path: renamed(path, rows[path], names) for path in desired.menus}
+    names = {each.old: each.name for each in renames(desired_state, rows)}
+    return {path: rename_rows(path, rows[path], names) for path in desired_state.menus}
 
 
-def _unsupported(path: str, desired: Desired, version: Version) -> Iterator[tuple[str, Version | None]]:
+def _find_unsupported(path: str, desired_state: DesiredState, version: Version) -> Iterator[tuple[str, Version | None]]:
     """Yield what this version lacks, and the first that has it; None: only older ones have."""
     menu = MENUS[path]
     if menu.since is not None and version < menu.since:
         yield f"{menu.title} is there from RouterOS {menu.since} on, and this device has {version}", menu.since
-    for item in desired.items[path]:
+    for item in desired_state.items[path]:
         for name in item.values:
             field = menu.by_name[name]
             if field.since is not None and version < field.since:
                 yield _version_problem(item, name, f"from RouterOS {field.since} on", version), field.since
             elif not field.exists(version):
-                yield _version_problem(item, name, f"only before RouterOS {field.gone}", version), None
+                yield _version_problem(item, name, f"only before RouterOS {field.until}", version), None
 
 
 def _version_problem(item: RowItem, name: str, when: str, version: Version) -> str:
@@ -123,25 +123,25 @@ def _other_version(lacking: Sequence[Version | None], facts: Facts) -> str | Non
     return f"{facts.upgrade(max(newer))}; or take the named lines out of the text"
 
 
-def _plan_menu(path: str, desired: Desired, rows: tuple[Row, ...], context: Context) -> MenuPlan:
+def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[Row, ...], context: Context) -> MenuPlan:
     menu = MENUS[path]
-    items = desired.items[path]
-    if menu.ordered:
+    items = desired_state.items[path]
+    if menu.is_ordered:
         return plan_first_match(menu, items, rows, context)
     if menu.shape is Shape.SINGLETON and not rows:
         rows = ({},)
     return plan_identified(menu, items, rows, context)
 
 
-def _take_names_out(part: MenuPlan, found: list[Rename]) -> None:
+def _take_names_out(part: MenuPlan, port_renames: list[Rename]) -> None:
     """Leave names of ports to the layer that is theirs, and say which port was only in the way."""
     if not is_named_port(part.menu):
         return
-    shown = {row_id for each in part.changes if "name" in dict(each.values) for row_id in each.ids}
+    shown_ids = {row_id for each in part.changes if "name" in dict(each.values) for row_id in each.ids}
     shorter = [replace(each, values=tuple(pair for pair in each.values if pair[0] != "name")) for each in part.changes]
     part.changes = [each for each in shorter if each.values]
-    for each in found:
-        if each.menu is part.menu and each.row[".id"] not in shown:
+    for each in port_renames:
+        if each.menu is part.menu and each.row[".id"] not in shown_ids:
             part.lines += set_lines(each.menu, each.row, (("name", each.name),))
         if each.menu is part.menu and each.in_the_way:
             port = each.menu.name_of(each.row)
@@ -154,7 +154,7 @@ def _in_order(parts: list[MenuPlan]) -> list[MenuChange]:
     return sorted((change for part in parts for change in part.changes), key=_turn)
 
 
-def _numbered(changes: Iterable[MenuChange]) -> Iterator[Action]:
+def _number_actions(changes: Iterable[MenuChange]) -> Iterator[Action]:
     for number, change in enumerate(changes, start=1):
         yield Action(
             number=number,

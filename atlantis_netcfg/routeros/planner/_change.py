@@ -5,21 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceFailed
-from atlantis_netcfg.routeros._types import Drift, Hidden, Layer, Row, Verb
+from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros._types import Drift, HiddenSecret, Layer, Row, Verb
 from atlantis_netcfg.routeros.pin import PinSim, objection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired, RowItem
+    from atlantis_netcfg.routeros._items import DesiredState, RowItem
     from atlantis_netcfg.routeros.diff import DiffLine
     from atlantis_netcfg.routeros.menus import Field, Menu
 
 _SHOWN_NAMES = 3
 
 
-class CannotPlan(DeviceFailed):
+class CannotPlan(DeviceError):
     """The device cannot become what is declared: it lacks a row, a version or a property. It was not touched."""
 
 
@@ -46,7 +46,7 @@ class MenuPlan:
     changes: list[MenuChange] = field(default_factory=list)
     lines: list[DiffLine] = field(default_factory=list)
     drift: list[Drift] = field(default_factory=list)
-    hidden: list[Hidden] = field(default_factory=list)
+    hidden_secrets: list[HiddenSecret] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     foreign: int = 0
@@ -54,7 +54,7 @@ class MenuPlan:
 
     def remove(self, rows: list[Row], layer: Layer = Layer.CLEANUP) -> None:
         """Remove rows, in that order."""
-        self.changes.append(removed(self.menu, rows, layer))
+        self.changes.append(build_removal(self.menu, rows, layer))
         self.foreign += sum(not self.menu.is_ours(row) for row in rows)
 
 
@@ -62,7 +62,7 @@ class MenuPlan:
 class Context:
     """What the planning of every menu may look at."""
 
-    desired: Desired
+    desired_state: DesiredState
     names: Names
     sensitive: bool
     """The user may see secrets. Assumption: api-sensitive"""
@@ -72,7 +72,7 @@ class Context:
 
     def is_entire(self, menu: Menu) -> bool:
         """Tell whether all rows of the menu are ours."""
-        return menu.path in self.desired.entire
+        return menu.path in self.desired_state.entire
 
     def is_hidden(self, value: str | None) -> bool:
         """Tell whether a secret was kept from us: it is missing, or stars."""
@@ -89,18 +89,18 @@ class Names:
     def name(self, menu: Menu, value: str) -> bool:
         """Tell whether any row on the device names `value` in one of the properties that name rows of `menu`."""
         if menu.named_by not in self._by:
-            self._by[menu.named_by] = frozenset(self._named(menu.named_by))
+            self._by[menu.named_by] = frozenset(self._find_values(menu.named_by))
         return value in self._by[menu.named_by]
 
-    def _named(self, properties: tuple[str, ...]) -> Iterator[str]:
+    def _find_values(self, properties: tuple[str, ...]) -> Iterator[str]:
         for rows in self._rows.values():
             for row in rows:
                 yield from (row[name].removeprefix("!") for name in properties if name in row)
 
 
-def added(menu: Menu, item: RowItem, names: Names, before: str | None = None) -> MenuChange:
+def build_addition(menu: Menu, item: RowItem, names: Names, before: str | None = None) -> MenuChange:
     """Return the change that adds a row."""
-    row, values = item.given, tuple(item.given.items())
+    row, values = item.defined_values, tuple(item.defined_values.items())
     late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
     inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
     layer = Layer.CLEANUP if late else menu.layer
@@ -109,7 +109,7 @@ def added(menu: Menu, item: RowItem, names: Names, before: str | None = None) ->
     )
 
 
-def removed(menu: Menu, rows: list[Row], layer: Layer) -> MenuChange:
+def build_removal(menu: Menu, rows: list[Row], layer: Layer) -> MenuChange:
     """Return the change that removes rows, in that order."""
     names = [menu.name_of(row) for row in rows]
     subject = ", ".join(names[:_SHOWN_NAMES])
@@ -119,57 +119,59 @@ def removed(menu: Menu, rows: list[Row], layer: Layer) -> MenuChange:
 
 
 def writes(
-    context: Context, report: MenuPlan, item: RowItem, row: Row, *, managed: bool
+    context: Context, report: MenuPlan, item: RowItem, row: Row, *, is_managed: bool
 ) -> tuple[tuple[str, str], ...]:
     """Return what must be set so that `row` is as declared.
 
-    Properties that the item does not name go back to their default only where the row is `managed` by us.
+    Properties that the item does not name go back to their default only where the row is `is_managed` by us.
     """
     menu = report.menu
-    desired: dict[str, str | None] = {}
+    desired_values: dict[str, str | None] = {}
     for name in item.values:
-        desired |= _named(context, report, item, row, name)
-    if managed:
+        desired_values |= _plan_property(context, report, item, row, name)
+    if is_managed:
         for each in menu.fields:
-            named = each.name in item.values or each.name in item.unknown
-            if each.name in row and not named and not _stays(context, each):
+            is_named = each.name in item.values or each.name in item.unknown
+            if each.name in row and not is_named and not _stays(context, each):
                 default = menu.default_of(each.name, row)
                 if not _is_run_time(context, menu, each.name, default, row):
-                    desired |= _differing(menu, row, each.name, default)
-    return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in desired.items())
+                    desired_values |= _differing(menu, row, each.name, default)
+    return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in desired_values.items())
 
 
-def _is_run_time(context: Context, menu: Menu, name: str, desired: str | None, row: Row) -> bool:
+def _is_run_time(context: Context, menu: Menu, name: str, desired_value: str | None, row: Row) -> bool:
     """Tell whether the device itself has put another value there."""
-    return any(either.covers(menu, name, desired, row) for either in context.desired.run_time)
+    return any(either.covers(menu, name, desired_value, row) for either in context.desired_state.run_time)
 
 
 def _stays(context: Context, each: Field) -> bool:
-    return each.keep and (each.default is None or not context.desired.restores)
+    return each.keep and (each.default is None or not context.desired_state.restores)
 
 
-def _named(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
+def _plan_property(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
     menu, each = report.menu, report.menu.by_name[name]
     if each.unread:
         return {}
     if each.secret and context.is_hidden(row.get(name)):
-        report.hidden.append(Hidden(menu.path, menu.name_of(row), name))
+        report.hidden_secrets.append(HiddenSecret(menu.path, menu.name_of(row), name))
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]
-    if each.prompted and value:
-        return _requested(context, report, item, row, name)
-    desired = menu.default_of(name, row) if value is None else value
-    if _is_run_time(context, menu, name, desired, row):
+    if each.is_prompted and value:
+        return _plan_prompted_value(context, report, item, row, name)
+    desired_value = menu.default_of(name, row) if value is None else value
+    if _is_run_time(context, menu, name, desired_value, row):
         return {}
-    changes = _differing(menu, row, name, desired)
+    changes = _differing(menu, row, name, desired_value)
     if changes and each.board and not any(other.board and other.name in row for other in menu.fields):
         report.problems.append(f"line {item.line}: {menu.name_of(row)} of this device has no `{name}`")
         return {}
     return changes
 
 
-def _requested(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
+def _plan_prompted_value(
+    context: Context, report: MenuPlan, item: RowItem, row: Row, name: str
+) -> dict[str, str | None]:
     """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
     value = item.values[name] or ""
     if context.sim is PinSim.FREE:
@@ -177,11 +179,11 @@ def _requested(context: Context, report: MenuPlan, item: RowItem, row: Row, name
     if context.sim is PinSim.UNKNOWN:
         report.notes.append(f"{report.menu.name_of(row)} does not say whether it needs `{name}`: it is not sent")
         return {}
-    if why := objection(context.sim, row.get(name, ""), value, context.desired.spent):
+    if why := objection(context.sim, row.get(name, ""), value, context.desired_state.pin_refusal):
         report.problems.append(f"line {item.line}: {why}")
         return {}
     return {name: value}
 
 
-def _differing(menu: Menu, row: Row, name: str, desired: str | None) -> dict[str, str | None]:
-    return {} if menu.by_name[name].form(desired) == menu.form(name, row) else {name: desired}
+def _differing(menu: Menu, row: Row, name: str, desired_value: str | None) -> dict[str, str | None]:
+    return {} if menu.by_name[name].form(desired_value) == menu.form(name, row) else {name: desired_value}

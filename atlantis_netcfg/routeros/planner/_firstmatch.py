@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb
 from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row
-from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, added, writes
+from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, build_addition, writes
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
@@ -94,16 +94,16 @@ class Rule:
 
 def insertion(rules: Sequence[Rule]) -> list[int]:
     """Return the order in which the rows of the new list are dealt with."""
-    return _sorted(rules, after_jump=True)
+    return _sort_rules(rules, after_jump=True)
 
 
 def removal(rules: Sequence[Rule]) -> list[int]:
     """Return the order in which the rows of the old list are dealt with."""
     last = len(rules) - 1
-    return [last - index for index in _sorted(rules[::-1], after_jump=False)]
+    return [last - index for index in _sort_rules(rules[::-1], after_jump=False)]
 
 
-def _sorted(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
+def _sort_rules(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
     """Topological order, by place wherever that is free.
 
     Within a chain: insertion from the top down, removal from the bottom up. A chain that others jump to counts as
@@ -117,17 +117,17 @@ def _sorted(rules: Sequence[Rule], *, after_jump: bool) -> list[int]:
         waiting[then] += 1
     ready = [index for index, count in enumerate(waiting) if not count]
     result: list[int] = []
-    queued = set(ready)
+    queued_indexes = set(ready)
     while len(result) < len(rules):
         if not ready:
-            ready.append(next(index for index in range(len(rules)) if index not in queued))
-            queued.add(ready[0])
+            ready.append(next(index for index in range(len(rules)) if index not in queued_indexes))
+            queued_indexes.add(ready[0])
         index = heappop(ready)
         result.append(index)
         for follower in followers[index]:
             waiting[follower] -= 1
-            if not waiting[follower] and follower not in queued:
-                queued.add(follower)
+            if not waiting[follower] and follower not in queued_indexes:
+                queued_indexes.add(follower)
                 heappush(ready, follower)
     return result
 
@@ -162,11 +162,11 @@ class _Lists:
     report: MenuPlan
     old: list[Row]
     new: list[RowItem]
-    kept: dict[int, int] = field(default_factory=dict)
+    retained_places: dict[int, int] = field(default_factory=dict)
     """New place to old place."""
-    moved: set[int] = field(default_factory=set)
+    moved_places: set[int] = field(default_factory=set)
     """Old places of rows that stand higher up now."""
-    inserted: dict[int, list[DiffLine]] = field(default_factory=dict)
+    insertions: dict[int, list[DiffLine]] = field(default_factory=dict)
     """What was inserted right before an old place, in order."""
     spare: dict[_Content, list[int]] = field(default_factory=dict)
     """Old places of rows that are not kept, ascending."""
@@ -178,8 +178,8 @@ class _Lists:
     @cached_property
     def unknown(self) -> frozenset[str]:
         """Properties by which no two rows can be told apart: a saved state, or the device, does not show them."""
-        hidden = frozenset() if self.context.sensitive else self.menu.secrets
-        return hidden.union(*(item.unknown for item in self.new))
+        hidden_names = frozenset() if self.context.sensitive else self.menu.secrets
+        return hidden_names.union(*(item.unknown for item in self.new))
 
     def content(self, values: Mapping[str, str], *, whole: bool = False) -> _Content:
         """Return what of a row matches or decides, and can be compared; `whole` adds what does neither."""
@@ -187,7 +187,7 @@ class _Lists:
 
     def standing(self, place: int) -> int:
         """Return the first old place from `place` on whose row was not moved away."""
-        while place in self.moved:
+        while place in self.moved_places:
             place += 1
         return place
 
@@ -200,7 +200,7 @@ def plan_first_match(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], 
     """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
     lists = _Lists(menu, context, MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
     old = [lists.content(row) for row in lists.old]
-    new = [lists.content(item.given) for item in lists.new]
+    new = [lists.content(item.defined_values) for item in lists.new]
     _keep(lists, old, new)
     _insert(lists, new)
     _remove(lists)
@@ -223,14 +223,14 @@ def _keep(lists: _Lists, old: Sequence[_Content], new: Sequence[_Content]) -> No
     for place, row in enumerate(lists.old):
         chains.setdefault(lists.chain(row), ([], []))[0].append(place)
     for place, item in enumerate(lists.new):
-        chains.setdefault(lists.chain(item.given), ([], []))[1].append(place)
+        chains.setdefault(lists.chain(item.defined_values), ([], []))[1].append(place)
     for olds, news in chains.values():
-        lists.kept.update(_pairs(lists, old, new, olds, news))
+        lists.retained_places.update(_pairs(lists, old, new, olds, news))
     together = _pairs(lists, old, new, range(len(old)), range(len(new)))
-    if len(together) == len(lists.kept):
+    if len(together) == len(lists.retained_places):
         # Then the order of chains among each other, which only a reader notices, costs nothing either.
-        lists.kept = together
-    staying = set(lists.kept.values())
+        lists.retained_places = together
+    staying = set(lists.retained_places.values())
     for place, content in enumerate(old):
         if place not in staying:
             lists.spare.setdefault(content, []).append(place)
@@ -245,7 +245,7 @@ def _pairs(
     """
     pairs = common(
         [lists.content(lists.old[place], whole=True) for place in olds],
-        [lists.content(lists.new[place].given, whole=True) for place in news],
+        [lists.content(lists.new[place].defined_values, whole=True) for place in news],
     )
     if len(pairs) < len(news):
         pairs = common([old[place] for place in olds], [new[place] for place in news])
@@ -254,15 +254,15 @@ def _pairs(
 
 def _insert(lists: _Lists, new: Sequence[_Content]) -> None:
     """Go through the new list from the top down; `lows` and `highs` bound where a row may stand within its chain."""
-    chains = [lists.chain(item.given) for item in lists.new]
+    chains = [lists.chain(item.defined_values) for item in lists.new]
     highs = _next_kept(lists, chains)
     lows: dict[str, int] = {}
     cursor = 0
-    for place in insertion(_rules(lists, [item.given for item in lists.new], set(lists.kept))):
+    for place in insertion(_rules(lists, [item.defined_values for item in lists.new], set(lists.retained_places))):
         chain = chains[place]
-        if place in lists.kept:
-            cursor = lists.kept[place] + 1
-            _cosmetics(lists, lists.new[place], lists.old[lists.kept[place]])
+        if place in lists.retained_places:
+            cursor = lists.retained_places[place] + 1
+            _cosmetics(lists, lists.new[place], lists.old[lists.retained_places[place]])
         else:
             low = lows.get(chain, 0)
             slot = max(low, min(cursor, highs[place]))
@@ -276,8 +276,8 @@ def _next_kept(lists: _Lists, chains: Sequence[str]) -> dict[int, int]:
     following: dict[str, int] = {}
     for place in range(len(chains) - 1, -1, -1):
         result[place] = following.get(chains[place], len(lists.old))
-        if place in lists.kept:
-            following[chains[place]] = lists.kept[place]
+        if place in lists.retained_places:
+            following[chains[place]] = lists.retained_places[place]
     return result
 
 
@@ -297,20 +297,20 @@ def _liftable(lists: _Lists, content: _Content, low: int) -> int | None:
     return place
 
 
-def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
+def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> int:
     """Put the row of a new place before an old one; return where the next row may stand."""
     item = lists.new[place]
-    anchor = lists.standing(slot if lifted is None else min(slot, lifted))
-    if lifted is None:
-        lists.report.changes.append(added(lists.menu, item, lists.context.names, lists.id_at(anchor)))
-        lists.inserted.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.given)))
+    anchor = lists.standing(slot if lifted_place is None else min(slot, lifted_place))
+    if lifted_place is None:
+        lists.report.changes.append(build_addition(lists.menu, item, lists.context.names, lists.id_at(anchor)))
+        lists.insertions.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.defined_values)))
         return anchor
-    row = lists.old[lifted]
-    if anchor == lifted:
-        lists.kept[place] = lifted
+    row = lists.old[lifted_place]
+    if anchor == lifted_place:
+        lists.retained_places[place] = lifted_place
         _cosmetics(lists, item, row)
-        return lifted + 1
-    lists.moved.add(lifted)
+        return lifted_place + 1
+    lists.moved_places.add(lifted_place)
     lists.report.changes.append(
         MenuChange(
             lists.menu,
@@ -322,17 +322,17 @@ def _place(lists: _Lists, place: int, slot: int, lifted: int | None) -> int:
             line=item.line,
         )
     )
-    lists.inserted.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.given)))
+    lists.insertions.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.defined_values)))
     _cosmetics(lists, item, row)
     return anchor
 
 
 def _cosmetics(lists: _Lists, item: RowItem, row: Row) -> None:
     """Change in place what neither matches nor decides."""
-    values = writes(lists.context, lists.report, item, row, managed=True)
+    values = writes(lists.context, lists.report, item, row, is_managed=True)
     menu = lists.menu
     if values:
-        name = menu.name_of({**row, **item.given})
+        name = menu.name_of({**row, **item.defined_values})
         lists.report.changes.append(
             MenuChange(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line)
         )
@@ -342,8 +342,8 @@ def _cosmetics(lists: _Lists, item: RowItem, row: Row) -> None:
 
 def _remove(lists: _Lists) -> None:
     """Remove what is not in the new list, from the bottom up; rows of others stay unless the menu is ours entirely."""
-    staying = set(lists.kept.values())
-    standing = [place for place in range(len(lists.old)) if place not in lists.moved]
+    staying = set(lists.retained_places.values())
+    standing = [place for place in range(len(lists.old)) if place not in lists.moved_places]
     going = {place for place in standing if place not in staying and _is_ours(lists, lists.old[place])}
     rules = _rules(
         lists, [lists.old[place] for place in standing], {at for at, place in enumerate(standing) if place not in going}
@@ -360,27 +360,31 @@ def _is_ours(lists: _Lists, row: Row) -> bool:
 def _show(lists: _Lists) -> None:
     """Write both lists as one: the old rows at their places, the new ones where they were inserted."""
     menu, report = lists.menu, lists.report
-    declared = {old: lists.new[new] for new, old in lists.kept.items()}
+    items_by_place = {old: lists.new[new] for new, old in lists.retained_places.items()}
     for place in range(len(lists.old) + 1):
-        report.lines += lists.inserted.get(place, [])
+        report.lines += lists.insertions.get(place, [])
         if place < len(lists.old):
-            report.lines += _shown(lists, lists.old[place], declared.get(place), moved=place in lists.moved)
+            report.lines += _diff_row(
+                lists, lists.old[place], items_by_place.get(place), has_moved=place in lists.moved_places
+            )
     for place, row in enumerate(lists.old):
-        if place not in declared and place not in lists.moved and not _is_ours(lists, row):
+        if place not in items_by_place and place not in lists.moved_places and not _is_ours(lists, row):
             message = "not declared, and not ours: left as it is"
             report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))
 
 
-def _shown(lists: _Lists, row: Row, item: RowItem | None, *, moved: bool) -> list[DiffLine]:
+def _diff_row(lists: _Lists, row: Row, item: RowItem | None, *, has_moved: bool) -> list[DiffLine]:
     text = existing_row(lists.menu, row)
     if item is not None:
-        changed = any(lists.menu.form(name, item.given) != lists.menu.form(name, row) for name in _cosmetic(lists.menu))
+        has_changed = any(
+            lists.menu.form(name, item.defined_values) != lists.menu.form(name, row) for name in _cosmetic(lists.menu)
+        )
         return (
-            [DiffLine("-", text), DiffLine("+", added_row(lists.menu, item.given))]
-            if changed
+            [DiffLine("-", text), DiffLine("+", added_row(lists.menu, item.defined_values))]
+            if has_changed
             else [DiffLine(" ", text)]
         )
-    return [DiffLine("-" if moved or _is_ours(lists, row) else " ", text)]
+    return [DiffLine("-" if has_moved or _is_ours(lists, row) else " ", text)]
 
 
 def _cosmetic(menu: Menu) -> list[str]:
@@ -389,13 +393,15 @@ def _cosmetic(menu: Menu) -> list[str]:
 
 def _warn(lists: _Lists) -> None:
     """Name chains that change together with those that call them, since then the two changes meet."""
-    staying = set(lists.kept.values())
-    changed = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in staying}
-    changed |= {lists.chain(item.given) for place, item in enumerate(lists.new) if place not in lists.kept}
+    staying = set(lists.retained_places.values())
+    changed_chains = {lists.chain(lists.old[place]) for place in range(len(lists.old)) if place not in staying}
+    changed_chains |= {
+        lists.chain(item.defined_values) for place, item in enumerate(lists.new) if place not in lists.retained_places
+    }
     for place in staying:
         row = lists.old[place]
         caller, target = lists.chain(row), row.get("jump-target", "")
-        if row.get("action") == "jump" and caller != target and {caller, target} <= changed:
+        if row.get("action") == "jump" and caller != target and {caller, target} <= changed_chains:
             lists.report.notes.append(
                 f"{lists.menu.title}: chain {target} and its caller {caller} both change; for a moment a packet may "
                 f"meet the old rows of one and the new rows of the other"

@@ -10,7 +10,7 @@ from atlantis_netcfg.routeros._items import RowItem
 from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb, is_bare
 from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row, set_lines
 from atlantis_netcfg.routeros.menus import Menu, Shape
-from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, added, writes
+from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, build_addition, writes
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -25,14 +25,14 @@ class _Match:
     item: RowItem
     row: Row | None = None
     writes: tuple[tuple[str, str], ...] = ()
-    replaced: bool = False
+    is_replaced: bool = False
     after_those: list[_Match] = field(default_factory=list)
     """Rows that must let go of a value first."""
 
     def after(self) -> dict[str, str]:
         """Return the row as it will be."""
         if self.row is None:
-            return self.item.given
+            return self.item.defined_values
         unset = {name[1:] for name, _ in self.writes if name.startswith("!")}
         return {name: value for name, value in {**self.row, **dict(self.writes)}.items() if name not in unset}
 
@@ -45,7 +45,7 @@ class _MatchedRows:
     context: Context
     report: MenuPlan
     matches: list[_Match] = field(default_factory=list)
-    left: list[Row] = field(default_factory=list)
+    unmatched_rows: list[Row] = field(default_factory=list)
     """Rows that nobody declared."""
     early: list[Row] = field(default_factory=list)
     """Rows that hold a value which another row needs: removed first."""
@@ -57,7 +57,7 @@ def plan_identified(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], c
     _match(work, items, [row for row in rows if menu.is_touchable(row)])
     for match in work.matches:
         if match.row is not None:
-            match.writes = writes(context, work.report, match.item, match.row, managed=_is_managed(work, match))
+            match.writes = writes(context, work.report, match.item, match.row, is_managed=_is_managed(work, match))
     _make_room(work)
     _report_changes(work)
     _report_left(work)
@@ -71,31 +71,33 @@ def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[Row]) -> Non
     for row in sorted(rows, key=lambda each: not menu.is_ours(each)):
         waiting.setdefault(menu.identity(row), deque()).append(row)
     for item in items:
-        found = waiting.get(item.identity)
-        work.matches.append(_Match(item, found.popleft() if found else None))
-    work.left = _not_matched(work, rows)
+        candidates = waiting.get(item.identity)
+        work.matches.append(_Match(item, candidates.popleft() if candidates else None))
+    work.unmatched_rows = _not_matched(work, rows)
     for name in menu.unique:
         _match_by(work, name)
     _match_settings(work)
     for match in work.matches:
         if match.row is None and (match.item.exists or menu.shape is not Shape.LIST):
             work.report.problems.append(_missing(menu, match.item, rows))
-    undeclared = work.context.desired.undeclared.get(menu.path, {})
-    work.matches += [_Match(RowItem(menu.path, {**_keys(menu, row), **undeclared}), row) for row in _implied(work)]
-    work.left = _not_matched(work, work.left)
+    undeclared_values = work.context.desired_state.undeclared_values.get(menu.path, {})
+    work.matches += [
+        _Match(RowItem(menu.path, {**_keys(menu, row), **undeclared_values}), row) for row in _find_implied_rows(work)
+    ]
+    work.unmatched_rows = _not_matched(work, work.unmatched_rows)
 
 
 def _not_matched(work: _MatchedRows, rows: list[Row]) -> list[Row]:
-    taken = {id(match.row) for match in work.matches}
-    return [row for row in rows if id(row) not in taken]
+    matched_ids = {id(match.row) for match in work.matches}
+    return [row for row in rows if id(row) not in matched_ids]
 
 
 def _match_by(work: _MatchedRows, name: str) -> None:
-    free = {work.menu.form(name, row): row for row in work.left if row.get(name)}
+    free = {work.menu.form(name, row): row for row in work.unmatched_rows if row.get(name)}
     for match in work.matches:
         if match.row is None and match.item.values.get(name) and not match.item.exists:
-            match.row = free.pop(work.menu.form(name, match.item.given), None)
-    work.left = _not_matched(work, work.left)
+            match.row = free.pop(work.menu.form(name, match.item.defined_values), None)
+    work.unmatched_rows = _not_matched(work, work.unmatched_rows)
 
 
 def _match_settings(work: _MatchedRows) -> None:
@@ -109,20 +111,23 @@ def _keys(menu: Menu, row: Row) -> dict[str, str | None]:
     return {key: row[key] for key in menu.keys if key in row}
 
 
-def _implied(work: _MatchedRows) -> list[Row]:
+def _find_implied_rows(work: _MatchedRows) -> list[Row]:
     """Return rows that a saved state does not mention because they were at their defaults, and ports without a use."""
-    if work.menu.path in work.context.desired.undeclared:
-        return list(work.left)
-    if not (work.context.desired.restores and work.context.is_entire(work.menu)):
+    if work.menu.path in work.context.desired_state.undeclared_values:
+        return list(work.unmatched_rows)
+    if not (work.context.desired_state.restores and work.context.is_entire(work.menu)):
         return []
     if work.menu.shape is Shape.LIST:
-        return [row for row in work.left if work.menu.is_stock(row)]
-    return list(work.left)
+        return [row for row in work.unmatched_rows if work.menu.is_stock(row)]
+    return list(work.unmatched_rows)
 
 
 def _missing(menu: Menu, item: RowItem, rows: list[Row]) -> str:
     there = ", ".join(menu.name_of(row) for row in rows)
-    return f"line {item.line}: there is no {menu.name_of(item.given)} in {menu.title}; the device has {there or 'none'}"
+    return (
+        f"line {item.line}: there is no {menu.name_of(item.defined_values)} in {menu.title}; "
+        f"the device has {there or 'none'}"
+    )
 
 
 def _is_managed(work: _MatchedRows, match: _Match) -> bool:
@@ -143,18 +148,18 @@ def _make_room(work: _MatchedRows) -> None:
         owners = {id(match.row): match for match in work.matches if match.row is not None}
         for match in work.matches:
             if match.row is None or match.writes:
-                desired = _value(work.menu, names, match.after())
-                holder = holders.get(desired)
+                desired_value = _value(work.menu, names, match.after())
+                holder = holders.get(desired_value)
                 if holder is not None and holder is not match.row:
                     owner = owners.get(id(holder))
-                    leaves = owner is not None and _value(work.menu, names, owner.after()) != desired
+                    leaves = owner is not None and _value(work.menu, names, owner.after()) != desired_value
                     _make_way(work, match, holder, owner, leaves=leaves)
     work.matches = _in_turn(work)
 
 
 def _present(work: _MatchedRows) -> Iterator[Row]:
     yield from (match.row for match in work.matches if match.row is not None)
-    yield from (row for row in work.left if row not in work.early)
+    yield from (row for row in work.unmatched_rows if row not in work.early)
 
 
 def _value(menu: Menu, names: tuple[str, ...], values: Row) -> _Value | None:
@@ -169,7 +174,7 @@ def _make_way(work: _MatchedRows, match: _Match, holder: Row, owner: _Match | No
     elif owner is None and _is_removable(work, holder):
         work.early.append(holder)
     else:
-        here, there = work.menu.name_of(match.item.given), work.menu.name_of(holder)
+        here, there = work.menu.name_of(match.item.defined_values), work.menu.name_of(holder)
         work.report.problems.append(
             f"line {match.item.line}: {here} cannot be had beside {there}, which is on the device"
         )
@@ -177,23 +182,23 @@ def _make_way(work: _MatchedRows, match: _Match, holder: Row, owner: _Match | No
 
 def _in_turn(work: _MatchedRows) -> list[_Match]:
     """Order the rows so that each finds its values free; where they wait in a circle, one goes and comes anew."""
-    done: dict[_Match, None] = {}
+    ordered_matches: dict[_Match, None] = {}
     waiting: list[_Match] = []
 
     def visit(match: _Match) -> None:
         waiting.append(match)
         for other in match.after_those:
-            if other in waiting and other.row is not None and not other.replaced:
-                other.replaced = True
+            if other in waiting and other.row is not None and not other.is_replaced:
+                other.is_replaced = True
                 work.early.append(other.row)
-            elif other not in waiting and other not in done:
+            elif other not in waiting and other not in ordered_matches:
                 visit(other)
-        done[waiting.pop()] = None
+        ordered_matches[waiting.pop()] = None
 
     for match in work.matches:
-        if match not in done:
+        if match not in ordered_matches:
             visit(match)
-    return list(done)
+    return list(ordered_matches)
 
 
 def _is_removable(work: _MatchedRows, row: Row) -> bool:
@@ -208,7 +213,7 @@ def _report_changes(work: _MatchedRows) -> None:
         report.remove(work.early, menu.layer)
         report.lines += [DiffLine("-", existing_row(menu, row)) for row in work.early]
     for match in work.matches:
-        if match.row is None or match.replaced:
+        if match.row is None or match.is_replaced:
             _add(work, match.item)
         elif match.writes:
             _set(work, match, match.row)
@@ -217,9 +222,9 @@ def _report_changes(work: _MatchedRows) -> None:
 def _add(work: _MatchedRows, item: RowItem) -> None:
     if item.exists or work.menu.shape is not Shape.LIST:
         return  # reported as a problem
-    name = work.menu.name_of(item.given)
-    work.report.changes.append(added(work.menu, item, work.context.names))
-    work.report.lines.append(DiffLine("+", added_row(work.menu, item.given)))
+    name = work.menu.name_of(item.defined_values)
+    work.report.changes.append(build_addition(work.menu, item, work.context.names))
+    work.report.lines.append(DiffLine("+", added_row(work.menu, item.defined_values)))
     for secret in sorted(item.unknown):
         work.report.notes.append(
             f"{work.menu.title}: `{secret}` of {name} is not in the saved export: enter it by hand"
@@ -242,9 +247,9 @@ def _set(work: _MatchedRows, match: _Match, row: Row) -> None:
 def _report_left(work: _MatchedRows) -> None:
     """Remove what was ours, or all in a menu that is ours entirely; tell of the rest."""
     menu = work.menu
-    if menu.shape is not Shape.LIST or menu.path in work.context.desired.partial:
+    if menu.shape is not Shape.LIST or menu.path in work.context.desired_state.partial:
         return
-    going = [row for row in work.left if _is_removable(work, row) and row not in work.early]
+    going = [row for row in work.unmatched_rows if _is_removable(work, row) and row not in work.early]
     if going:
         work.report.remove(going[::-1])
         work.report.lines += [DiffLine("-", existing_row(menu, row)) for row in going if not is_bare(row)]
@@ -252,7 +257,7 @@ def _report_left(work: _MatchedRows) -> None:
             work.report.lines.append(
                 DiffLine("-", f"# {bare} rows more without our mark, of which only the number was read")
             )
-    for row in work.left:
+    for row in work.unmatched_rows:
         if not _is_removable(work, row) and not menu.is_stock(row):
             message = "not declared, and not ours: left as it is"
             work.report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Action, Layer, Observed, Plan, Row, Verb
+from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, Row, Verb
 from atlantis_netcfg.routeros.menus import MENUS, Menu, PropertyKind, Shape
 from atlantis_netcfg.routeros.planner._change import MenuChange
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.routeros._items import Desired
+    from atlantis_netcfg.routeros._items import DesiredState
 
 
 _FOLLOWING = (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
@@ -50,27 +50,27 @@ def is_named_port(menu: Menu) -> bool:
     return menu.shape is Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name
 
 
-def renames(desired: Desired, rows: Mapping[str, tuple[Row, ...]]) -> list[Rename]:
+def renames(desired_state: DesiredState, rows: Mapping[str, tuple[Row, ...]]) -> list[Rename]:
     """Return the ports that get another name: those declared, and those that hold the name of such a port."""
-    found: list[Rename] = []
+    port_renames: list[Rename] = []
     others: list[tuple[Menu, Row]] = []
     names: set[str] = set()
-    for path, items in desired.items.items():
+    for path, items in desired_state.items.items():
         menu = MENUS[path]
         if not is_named_port(menu):
             continue
-        declared = {item.identity: item for item in items}
+        item_by_identity = {item.identity: item for item in items}
         for row in rows[path]:
-            item = declared.get(menu.identity(row))
-            default = menu.default_of("name", row) if desired.restores else None
-            name = (item.given.get("name") if item is not None else None) or default
+            item = item_by_identity.get(menu.identity(row))
+            default = menu.default_of("name", row) if desired_state.restores else None
+            name = (item.defined_values.get("name") if item is not None else None) or default
             if name is None:
                 others.append((menu, row))
                 continue
             names.add(name)
-            found.append(Rename(menu, row, name, item.line if item is not None else 0))
-    found += _in_the_way(others, names)
-    return [each for each in found if each.row.get("name") and each.name != each.row["name"]]
+            port_renames.append(Rename(menu, row, name, item.line if item is not None else 0))
+    port_renames += _in_the_way(others, names)
+    return [each for each in port_renames if each.row.get("name") and each.name != each.row["name"]]
 
 
 def _in_the_way(others: list[tuple[Menu, Row]], names: set[str]) -> Iterator[Rename]:
@@ -83,9 +83,9 @@ def _in_the_way(others: list[tuple[Menu, Row]], names: set[str]) -> Iterator[Ren
             yield Rename(menu, row, default, in_the_way=True)
 
 
-def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
+def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
     """Say which new names somebody else has, and keeps."""
-    going = {each.old: each for each in found}
+    going = {each.old: each for each in port_renames}
     owners: dict[str, tuple[Menu, Row]] = {}
     for path, menu in MENUS.items():
         if (
@@ -94,11 +94,11 @@ def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> I
             and menu.by_name["name"].kind is PropertyKind.INTERFACE
         ):
             owners |= {row["name"]: (menu, row) for row in rows.get(path, ()) if row.get("name")}
-    taken: dict[str, Rename] = {}
-    for each in found:
+    rename_by_name: dict[str, Rename] = {}
+    for each in port_renames:
         port = each.menu.name_of(each.row)
         where = f"line {each.line}: " if each.line else ""
-        if other := taken.setdefault(each.name, each):
+        if other := rename_by_name.setdefault(each.name, each):
             if other is not each:
                 yield f"{where}{port} and {other.menu.name_of(other.row)} cannot both be called {each.name}"
             elif each.name in owners and each.name not in going:
@@ -111,13 +111,13 @@ def conflicts(found: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> I
                 )
 
 
-def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[MenuChange]:
+def rename_changes(port_renames: Iterable[Rename], observation: Observation) -> Iterator[MenuChange]:
     """Yield the new names in an order in which each is free when its turn comes."""
-    waiting = {each.old: each for each in found}
-    used = {row["name"] for rows in observed.rows.values() for row in rows if row.get("name")} | {
+    waiting = {each.old: each for each in port_renames}
+    used = {row["name"] for rows in observation.rows.values() for row in rows if row.get("name")} | {
         each.name for each in waiting.values()
     }
-    managed = set(_session_ports(observed))
+    session_ports = set(_session_ports(observation))
     while waiting:
         now = next((name for name, each in waiting.items() if each.name not in waiting), None)
         if now is not None:
@@ -125,7 +125,7 @@ def rename_changes(found: Iterable[Rename], observed: Observed) -> Iterator[Menu
             yield _change(each, each.name)
             continue
         # All that are left wait for each other.
-        now = next((name for name in waiting if name not in managed), next(iter(waiting)))
+        now = next((name for name in waiting if name not in session_ports), next(iter(waiting)))
         each = waiting.pop(now)
         spare = each.name + _FOR_A_MOMENT
         while spare in used:
@@ -140,24 +140,24 @@ def _change(each: Rename, name: str) -> MenuChange:
     return MenuChange(each.menu, Verb.SET, Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),))
 
 
-def _session_ports(observed: Observed) -> Iterator[str]:
+def _session_ports(observation: Observation) -> Iterator[str]:
     """Yield the interfaces by which our session may come: those of a network with its address, and ports of bridges."""
     try:
-        technician = ip_address(observed.facts.session_address)
+        technician = ip_address(observation.facts.session_address)
     except ValueError:
         return
-    for row in observed.rows.get("/ip/address", ()):
+    for row in observation.rows.get("/ip/address", ()):
         try:
             here = technician in ip_interface(row.get("address", "")).network
         except ValueError:
             continue
         if here and (name := row.get("interface")):
             yield name
-            ports = observed.rows.get("/interface/bridge/port", ())
+            ports = observation.rows.get("/interface/bridge/port", ())
             yield from (port["interface"] for port in ports if port.get("bridge") == name and "interface" in port)
 
 
-def renamed(path: str, rows: Iterable[Row], names: Mapping[str, str]) -> tuple[Row, ...]:
+def rename_rows(path: str, rows: Iterable[Row], names: Mapping[str, str]) -> tuple[Row, ...]:
     """Return the rows of a menu as they will read once the interfaces have their new names."""
     menu = MENUS[path]
     fields = [each.name for each in menu.fields if each.kind in _FOLLOWING and not _is_own(menu, each.name)]
@@ -174,9 +174,9 @@ def _is_own(menu: Menu, name: str) -> bool:
 
 
 def _follow(text: str, names: Mapping[str, str]) -> str:
-    negated = "!" if text.startswith("!") else ""
+    negation = "!" if text.startswith("!") else ""
     words = text.removeprefix("!").split(",")
-    return negated + ",".join(_word(word, names) for word in words)
+    return negation + ",".join(_word(word, names) for word in words)
 
 
 def _word(word: str, names: Mapping[str, str]) -> str:
@@ -201,32 +201,32 @@ def after(rows: Mapping[str, tuple[Row, ...]], actions: Iterable[Action]) -> dic
 
 def _add(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
     row = {".id": f"*new{action.number}", "dynamic": "false", **dict(action.values)}
-    return _inserted(rows, (row,), action.before)
+    return _insert_rows(rows, (row,), action.before)
 
 
 def _set(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
     if MENUS[action.menu].shape is Shape.SINGLETON:
-        return (_changed(rows[0] if rows else {}, action),)
-    return tuple(_changed(row, action) if row[".id"] in action.ids else row for row in rows)
+        return (_apply_values(rows[0] if rows else {}, action),)
+    return tuple(_apply_values(row, action) if row[".id"] in action.ids else row for row in rows)
 
 
-def _changed(row: Row, action: Action) -> Row:
+def _apply_values(row: Row, action: Action) -> Row:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
-    kept = {name: value for name, value in row.items() if name not in unset}
-    return kept | {name: value for name, value in action.values if not name.startswith("!")}
+    remaining_values = {name: value for name, value in row.items() if name not in unset}
+    return remaining_values | {name: value for name, value in action.values if not name.startswith("!")}
 
 
 def _move(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
     moving = tuple(row for row in rows if row[".id"] in action.ids)
-    return _inserted(tuple(row for row in rows if row[".id"] not in action.ids), moving, action.before)
+    return _insert_rows(tuple(row for row in rows if row[".id"] not in action.ids), moving, action.before)
 
 
 def _remove(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
-    gone = set(action.ids)
-    return tuple(row for row in rows if row[".id"] not in gone)
+    removed_ids = set(action.ids)
+    return tuple(row for row in rows if row[".id"] not in removed_ids)
 
 
-def _inserted(rows: tuple[Row, ...], new: tuple[Row, ...], before: str | None) -> tuple[Row, ...]:
+def _insert_rows(rows: tuple[Row, ...], new: tuple[Row, ...], before: str | None) -> tuple[Row, ...]:
     place = next((index for index, row in enumerate(rows) if row[".id"] == before), len(rows))
     return (*rows[:place], *new, *rows[place:])
 
@@ -241,4 +241,4 @@ def _follow_names(state: dict[str, tuple[Row, ...]], old: tuple[Row, ...], actio
         return
     names = {row["name"]: name for row in old if row[".id"] in action.ids and "name" in row}
     for path, rows in state.items():
-        state[path] = renamed(path, rows, names) if path in MENUS else rows
+        state[path] = rename_rows(path, rows, names) if path in MENUS else rows

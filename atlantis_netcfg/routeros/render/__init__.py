@@ -7,7 +7,7 @@ that is a pure function of the declaration. Names that a template misspells are 
 from __future__ import annotations
 
 from atlantis_netcfg.routeros.render._cpe import CpeView, cpe, cpe_prerequisites, cpe_view, radio_name
-from atlantis_netcfg.routeros.render._environment import compiled, environment, nft_comment, template_folder
+from atlantis_netcfg.routeros.render._environment import environment, get_template_cache, nft_comment, template_folder
 from atlantis_netcfg.routeros.render._links import LteView, lte, lte_bearer, lte_prerequisites, lte_view
 from atlantis_netcfg.routeros.render._router import prerequisites, router, router_view
 from atlantis_netcfg.routeros.render._switch import switch, switch_prerequisites
@@ -20,11 +20,11 @@ __all__ = [
     "RadioView",
     "RenderError",
     "RouterView",
-    "compiled",
     "cpe",
     "cpe_prerequisites",
     "cpe_view",
     "environment",
+    "get_template_cache",
     "lte",
     "lte_bearer",
     "lte_prerequisites",

@@ -11,10 +11,10 @@ from atlantis_netcfg.inventory.channels import lower_edge
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
 from atlantis_netcfg.routeros.render.view import (
-    Declared,
     DeclaredHost,
+    InventoryView,
     ManagementView,
-    Named,
+    NamedAddress,
     Prerequisite,
     RadioView,
     RenderError,
@@ -51,7 +51,7 @@ class CpeView:
     title: str
     peer: str
     time_zone: str
-    time_servers: tuple[Named, ...]
+    time_servers: tuple[NamedAddress, ...]
     bridge: str
     port: str
     """The one Ethernet port; power and the router's cable come in by it."""
@@ -61,11 +61,11 @@ class CpeView:
     """Of the link: both routers and both radios."""
     gateway: str
     """The router that serves the link: the way to the time servers and to its own technician."""
-    routes: tuple[Named, ...]
+    routes: tuple[NamedAddress, ...]
     """The other networks from which it is managed, each with the address of the router that leads there."""
 
 
-def cpe(declaration: Declared, host: DeclaredHost, family: str) -> str:
+def cpe(declaration: InventoryView, host: DeclaredHost, family: str) -> str:
     """Render the whole desired text of one end, secrets in clear: never print it. Raises RenderError.
 
     `family`: `wireless` or `wifi`, the radio menus of the device.
@@ -78,32 +78,32 @@ def _template() -> Template:
     return environment().get_template("routeros/cpe.rsc.j2")
 
 
-def cpe_view(declaration: Declared, host: DeclaredHost, family: str) -> CpeView:
+def cpe_view(declaration: InventoryView, host: DeclaredHost, family: str) -> CpeView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = _cpe_of(host), declaration.sites[host.site]
-    carried, bearer, serving, served = _ends(declaration, host, device)
-    behind = declaration.sites[carried].management.network
-    networks = (served.network, behind, declaration.sites[serving].management.network)
+    carried_site, bearer, serving, served_link = _ends(declaration, host, device)
+    behind = declaration.sites[carried_site].management.network
+    networks = (served_link.network, behind, declaration.sites[serving].management.network)
     return CpeView(
         name=host.name,
         title=site.title,
         peer=device.ptp.peer,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
         bridge=_BRIDGE,
         port=device.port,
         radio=_radio(host.name, device.ptp, family),
         management=ManagementView(
             port=device.port,
-            address=in_network(device.access.address, served.network),
-            network=str(served.network),
+            address=in_network(device.access.address, served_link.network),
+            network=str(served_link.network),
             admit=tuple(dict.fromkeys(map(str, networks))),
             api_port=device.access.port,
             certificate=API_CERTIFICATE,
         ),
-        network=str(served.network),
-        gateway=str(served.address),
-        routes=(Named(str(behind), str(bearer.address)),),
+        network=str(served_link.network),
+        gateway=str(served_link.address),
+        routes=(NamedAddress(str(behind), str(bearer.address)),),
     )
 
 
@@ -112,7 +112,7 @@ def radio_name(family: str) -> str:
     return _RADIO_NAMES[family]
 
 
-def cpe_prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def cpe_prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
     """Say what must be on the device before its text can be written: port and certificate that it refers to."""
     device = _cpe_of(host)
     peer = declaration.hosts[device.ptp.peer].name if device.ptp.peer in declaration.hosts else device.ptp.peer
@@ -128,17 +128,17 @@ def _cpe_of(host: DeclaredHost) -> Cpe:
     return host.device
 
 
-def _ends(declaration: Declared, host: DeclaredHost, device: Cpe) -> tuple[str, Bearer, str, ServedLink]:
+def _ends(declaration: InventoryView, host: DeclaredHost, device: Cpe) -> tuple[str, Bearer, str, ServedLink]:
     """Return the site that the bridge carries with its bearer, and the site that serves it with its link."""
     ends = {host.name, device.ptp.peer}
-    for carried, site in declaration.sites.items():
+    for carried_site, site in declaration.sites.items():
         for bearer in site.bearers:
             if not bearer.kind.traits.bridge or bearer.device not in ends:
                 continue
             for serving, other in declaration.sites.items():
-                for served in other.served_links:
-                    if served.carries == carried and {bearer.device, served.device} == ends:
-                        return carried, bearer, serving, served
+                for served_link in other.served_links:
+                    if served_link.carries == carried_site and {bearer.device, served_link.device} == ends:
+                        return carried_site, bearer, serving, served_link
     raise RenderError(
         f"{host.name} is no end of a link: no `wifi_ptp` bearer and served link name {host.name} and {device.ptp.peer}",
         hint="see `bearers` and `served_links` of the two sites in group_vars",
@@ -161,7 +161,7 @@ def _radio(name: str, ptp: Ptp, family: str) -> RadioView:
 
 def access_point(radio: RouterAccessPoint) -> RadioView:
     """The radio of a router, which vehicles join."""
-    return replace(_plain(radio, radio.menus), isolated=radio.isolated)
+    return replace(_plain(radio, radio.menus), is_isolated=radio.isolated)
 
 
 def _plain(radio: WifiRadio, family: str) -> RadioView:

@@ -40,10 +40,10 @@ def template_folder() -> Path:
 
 def environment(templates: Path | None = None) -> Environment:
     """The environment, in which a template is compiled once; `templates` overrides where it looks."""
-    return _made(templates or template_folder())
+    return _build_environment(templates or template_folder())
 
 
-class _Compiled(FileSystemBytecodeCache):
+class _TemplateCache(FileSystemBytecodeCache):
     """What earlier starts have compiled; a file that cannot be read or written is as none."""
 
     def __init__(self, folder: Path, depends: bytes) -> None:
@@ -72,7 +72,7 @@ class _Compiled(FileSystemBytecodeCache):
                     file.unlink()
 
 
-def compiled(*modules: str) -> FileSystemBytecodeCache | None:
+def get_template_cache(*modules: str) -> FileSystemBytecodeCache | None:
     """Keep compiled templates from one start to the next; none where nobody else could be kept from writing them.
 
     Jinja works out at once what it can, filters included: `modules` are the files that make the environment and them.
@@ -81,14 +81,14 @@ def compiled(*modules: str) -> FileSystemBytecodeCache | None:
     if folder is None:
         return None
     sources = [version("jinja2").encode(), *(Path(module).read_bytes() for module in modules)]
-    return _Compiled(folder, hashlib.sha256(b"\0".join(sources)).digest())
+    return _TemplateCache(folder, hashlib.sha256(b"\0".join(sources)).digest())
 
 
 @cache
-def _made(folder: Path) -> Environment:
+def _build_environment(folder: Path) -> Environment:
     result = Environment(
         loader=FileSystemLoader(folder),
-        bytecode_cache=compiled(__file__, inspect.getfile(quote)),
+        bytecode_cache=get_template_cache(__file__, inspect.getfile(quote)),
         undefined=StrictUndefined,
         autoescape=False,  # noqa: S701 - router text, not HTML: `&` must stay `&`; the filter `quote` does RouterOS' escaping
         trim_blocks=True,
@@ -96,7 +96,7 @@ def _made(folder: Path) -> Environment:
         keep_trailing_newline=True,
     )
     result.filters.update(
-        quote=_quoted, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment
+        quote=_quote, mark=mark, duration=duration, reveal=_reveal, yesno=_yesno, nft_comment=nft_comment
     )
     return result
 
@@ -114,15 +114,15 @@ def nft_comment(text: str) -> str:
 def duration(seconds: float) -> str:
     """Write a time interval as RouterOS prints it: `1h30m`, `1d`, `500ms`."""
     milliseconds = round(timedelta(seconds=seconds) / timedelta(milliseconds=1))
-    left, below = divmod(milliseconds, 1000)
+    remaining, below = divmod(milliseconds, 1000)
     text = ""
     for unit, size in _UNITS:
-        count, left = divmod(left, size)
+        count, remaining = divmod(remaining, size)
         text += f"{count}{unit}" if count else ""
     return text + (f"{below}ms" if below else "") or "0s"
 
 
-def _quoted(value: object) -> str:
+def _quote(value: object) -> str:
     return quote(str(value))
 
 

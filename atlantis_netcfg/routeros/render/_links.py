@@ -8,12 +8,12 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.satellite_allow_list import allowed
+from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links.standing_traffic import canaries
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render.view import (
-    Declared,
     DeclaredHost,
+    InventoryView,
     JudgedBearer,
     LinkView,
     ManagementView,
@@ -61,23 +61,23 @@ def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
     The first question without an answer starts the second row, which leaves the link if all of its packets are lost,
     and the first answer after that starts the third, which takes the link back if none of its packets is lost.
     """
-    budgeted = bearer.canary_budget_bytes is not None
-    usual_s = _DEAR_GAP_S if budgeted else _GAP_S
+    has_budget = bearer.canary_budget_bytes is not None
+    usual_s = _DEAR_GAP_S if has_budget else _GAP_S
     silence = min(max(2, ceil(failover.hold_down_s / usual_s)), _MOST_SILENT)
     gap_s = failover.hold_down_s / silence
     steady = min(max(2, ceil(failover.fail_back_s / usual_s) + 1), _MOST_STEADY)
     watch_s = float(max(failover.metered_probe_s, bearer.canary_pause_s)) if bearer.metered else WATCH_S
     daily_bytes, testing_bytes = (canaries(len(bearer.canaries), each).both for each in (watch_s, usual_s))
     return JudgedBearer(
-        checked=not bearer.metered,
+        has_gateway_check=not bearer.metered,
         watch_s=watch_s,
         timeout_s=_METERED_TIMEOUT_S if bearer.metered else _TIMEOUT_S,
         silence=silence,
-        silence_gap_s=gap_s if gap_s <= usual_s and not budgeted else failover.hold_down_s / (silence - 1),
+        silence_gap_s=gap_s if gap_s <= usual_s and not has_budget else failover.hold_down_s / (silence - 1),
         steady=steady,
         steady_gap_s=max(1.0, failover.fail_back_s / (steady - 1)),
         daily_bytes=round(daily_bytes),
-        unsteady_bytes=round(daily_bytes + testing_bytes) if budgeted else None,
+        unsteady_bytes=round(daily_bytes + testing_bytes) if has_budget else None,
     )
 
 
@@ -95,7 +95,7 @@ def _port(port: Port) -> PortView:
     return PortView(
         name=port.name,
         purpose=port.link or port.use.value,
-        disabled=port.use == "off",
+        is_disabled=port.use == "off",
         poe_out=port.poe.out.value if port.poe else None,
         poe_priority=port.poe.priority if port.poe else None,
     )
@@ -103,24 +103,24 @@ def _port(port: Port) -> PortView:
 
 def management_port(name: str, router: Router) -> str:
     """Return the one port of the technician; there the address stands already when the router is adopted."""
-    found = [port.name for port in router.ports if port.use == "management"]
-    if len(found) != 1:
+    matching_ports = [port.name for port in router.ports if port.use == "management"]
+    if len(matching_ports) != 1:
         raise RenderError(
-            f"{name} needs one port with `use: management`, and has {len(found)}",
+            f"{name} needs one port with `use: management`, and has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
-    return found[0]
+    return matching_ports[0]
 
 
 def port_of(name: str, router: Router, link: str) -> str:
     """Return the one port that carries a bearer or a served link."""
-    found = [port.name for port in router.ports if port.link == link]
-    if len(found) != 1:
+    matching_ports = [port.name for port in router.ports if port.link == link]
+    if len(matching_ports) != 1:
         raise RenderError(
-            f"{name} needs one port with `use: link, link: {link}`, and has {len(found)}",
+            f"{name} needs one port with `use: link, link: {link}`, and has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
-    return found[0]
+    return matching_ports[0]
 
 
 def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink, ...]:
@@ -133,7 +133,7 @@ def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink
 
 def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
     bearer = site.bearers[place - 1]
-    admitted = allowed(pilot, bearer)
+    targets = allowed_targets(pilot, bearer)
     later = site.bearers[place:]
     return Uplink(
         name=bearer.name,
@@ -145,8 +145,8 @@ def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
         kind=bearer.kind,
         place=place,
         canaries=tuple(str(canary) for canary in bearer.canaries),
-        targets=tuple(_targets(target for target in admitted if target.address not in bearer.canaries)),
-        judged=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
+        targets=tuple(_targets(target for target in targets if target.address not in bearer.canaries)),
+        probing=probe_timing(bearer, site.failover) if bearer.canaries and later else None,
         later=tuple(str(other.address) for other in later),
         up_bps=round(bearer.rate.up_kbps * 1000),
         thin=bearer.thin,
@@ -154,13 +154,13 @@ def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
     )
 
 
-def _targets(admitted: Iterable[AllowedTarget]) -> Iterator[PingTarget]:
-    for target in admitted:
+def _targets(targets: Iterable[AllowedTarget]) -> Iterator[PingTarget]:
+    for target in targets:
         transport = None if target.port is None else target.transport.value
         yield PingTarget(target.name, str(target.address), target.port, transport)
 
 
-def served(name: str, router: Router, site: Site) -> tuple[LinkView, ...]:
+def served_links(name: str, router: Router, site: Site) -> tuple[LinkView, ...]:
     """Return the links that end here and carry another site."""
     return tuple(
         LinkView(
@@ -199,7 +199,7 @@ class LteView:
     management: ManagementView
 
 
-def lte(declaration: Declared, host: DeclaredHost) -> str:
+def lte(declaration: InventoryView, host: DeclaredHost) -> str:
     """Render the whole desired text of one box, secrets in clear: never print it. Raises RenderError."""
     return _template().render(lte=lte_view(declaration, host))
 
@@ -209,7 +209,7 @@ def _template() -> Template:
     return environment().get_template("routeros/lte.rsc.j2")
 
 
-def lte_view(declaration: Declared, host: DeclaredHost) -> LteView:
+def lte_view(declaration: InventoryView, host: DeclaredHost) -> LteView:
     """Prepare what the template sees. Raises RenderError."""
     device, bearer = _box(host), lte_bearer(declaration, host)
     sim, access = device.sim, device.access
@@ -237,7 +237,7 @@ def lte_view(declaration: Declared, host: DeclaredHost) -> LteView:
     )
 
 
-def lte_bearer(declaration: Declared, host: DeclaredHost) -> Bearer:
+def lte_bearer(declaration: InventoryView, host: DeclaredHost) -> Bearer:
     """Return the link whose gateway the box is. Raises RenderError."""
     device = _box(host)
     for bearer in declaration.sites[host.site].bearers:
@@ -249,7 +249,7 @@ def lte_bearer(declaration: Declared, host: DeclaredHost) -> Bearer:
     )
 
 
-def lte_prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def lte_prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
     """Say what must be on the device before its text can be written: modem, port and certificate that it refers to."""
     link = lte_bearer(declaration, host).name
     return (

@@ -11,17 +11,24 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.inventory.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
 from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
 from atlantis_netcfg.routeros.render._environment import environment
-from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network, management_port, ports, served, uplinks
+from atlantis_netcfg.routeros.render._links import (
+    API_CERTIFICATE,
+    in_network,
+    management_port,
+    ports,
+    served_links,
+    uplinks,
+)
 from atlantis_netcfg.routeros.render.view import (
     BRIDGE,
     ClassView,
-    Declared,
     DeclaredHost,
-    Forwarded,
+    InventoryView,
     LanView,
     ManagementView,
     Managers,
-    Named,
+    NamedAddress,
+    PortForward,
     Prerequisite,
     Remote,
     RenderError,
@@ -39,7 +46,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 
-def _server(declaration: Declared) -> DeclaredHost:
+def _server(declaration: InventoryView) -> DeclaredHost:
     name = declaration.pilot.vpn.server
     if name not in declaration.hosts:
         raise RenderError(
@@ -49,12 +56,12 @@ def _server(declaration: Declared) -> DeclaredHost:
     return declaration.hosts[name]
 
 
-def server_in_lan(declaration: Declared, host: DeclaredHost) -> bool:
+def server_in_lan(declaration: InventoryView, host: DeclaredHost) -> bool:
     """Tell whether the VPN server stands at the router's own site."""
     return _server(declaration).site == host.site
 
 
-def tunnel(declaration: Declared, router: Router) -> TunnelView | None:
+def tunnel(declaration: InventoryView, router: Router) -> TunnelView | None:
     """Return the router's end of the VPN, if it is one."""
     client, vpn = router.vpn_client, declaration.pilot.vpn
     if client is None:
@@ -72,7 +79,7 @@ def tunnel(declaration: Declared, router: Router) -> TunnelView | None:
     )
 
 
-def remotes(declaration: Declared, host: DeclaredHost, interface: str | None) -> tuple[Remote, ...]:
+def remotes(declaration: InventoryView, host: DeclaredHost, interface: str | None) -> tuple[Remote, ...]:
     """Return the networks behind the VPN: through `interface`, or by way of the server in the LAN, or none at all."""
     server = _server(declaration)
     gateway = interface
@@ -83,7 +90,7 @@ def remotes(declaration: Declared, host: DeclaredHost, interface: str | None) ->
     return tuple(Remote(name, network, gateway) for name, network in _networks(declaration, host.site))
 
 
-def _networks(declaration: Declared, here: str) -> Iterator[tuple[str, str]]:
+def _networks(declaration: InventoryView, here: str) -> Iterator[tuple[str, str]]:
     """Yield every network that an answer may go to: tunnel addresses, other LANs, and managers that are admitted."""
     yield "tunnel addresses", str(declaration.pilot.vpn.network)
     admit = declaration.sites[here].management.admit
@@ -95,7 +102,7 @@ def _networks(declaration: Declared, here: str) -> Iterator[tuple[str, str]]:
             yield f"{name} management", str(site.management.network)
 
 
-def managers(declaration: Declared, host: DeclaredHost, interface: str | None) -> Iterator[Managers]:
+def managers(declaration: InventoryView, host: DeclaredHost, interface: str | None) -> Iterator[Managers]:
     """Yield who may manage the router, and where they come from; `interface` is its end of the VPN.
 
     A prefix counts where it is: at the technician's port, in the LAN, behind the VPN. One of no network of ours comes
@@ -107,14 +114,14 @@ def managers(declaration: Declared, host: DeclaredHost, interface: str | None) -
     behind = [declaration.pilot.vpn.network, *(network for other in others for network in _inner(other))]
     way_in = "VPN" if interface is not None else "LAN" if server_in_lan(declaration, host) else ""
     for prefix in site.management.admit:
-        found = False
+        has_network = False
         for way, interfaces, networks in (*local, (" by the VPN", way_in, behind)):
             for network in (network for network in networks if network.overlaps(prefix)):
-                found = True
+                has_network = True
                 if interfaces:
                     both = max(prefix, network, key=lambda entry: entry.prefixlen)
                     yield Managers(way, interfaces, str(both))
-        if not found:
+        if not has_network:
             yield Managers(" from outside", "WAN", str(prefix))
 
 
@@ -122,30 +129,30 @@ def _inner(site: Site) -> tuple[IPv4Network, ...]:
     return site.lan.network, site.management.network
 
 
-def forwards(declaration: Declared, host: DeclaredHost, router: Router) -> tuple[Forwarded, ...]:
+def forwards(declaration: InventoryView, host: DeclaredHost, router: Router) -> tuple[PortForward, ...]:
     """Return the ports of our outer addresses that lead inside: what is declared, and the far end of measurements."""
     site, qualify = declaration.sites[host.site], declaration.pilot.qualify
     ports = [(forward.to, forward.transport, forward.port) for forward in router.forwards]
-    if qualify is not None and _named(declaration, host, qualify.reflector).site == host.site:
+    if qualify is not None and _find_host(declaration, host, qualify.reflector).site == host.site:
         ports.append((qualify.reflector, Transport.UDP, qualify.port))
     return tuple(
-        Forwarded(
+        PortForward(
             name=name,
             transport=transport.value,
             port=port,
-            to=address_in_site(_named(declaration, host, name).device, site),
+            to=address_in_site(_find_host(declaration, host, name).device, site),
         )
         for name, transport, port in ports
     )
 
 
-def _named(declaration: Declared, host: DeclaredHost, name: str) -> DeclaredHost:
+def _find_host(declaration: InventoryView, host: DeclaredHost, name: str) -> DeclaredHost:
     if name not in declaration.hosts:
         raise RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
     return declaration.hosts[name]
 
 
-def router(declaration: Declared, host: DeclaredHost) -> str:
+def router(declaration: InventoryView, host: DeclaredHost) -> str:
     """Render the whole desired text of one router, secrets in clear: never print it. Raises RenderError."""
     return _template().render(router=router_view(declaration, host))
 
@@ -156,7 +163,7 @@ def _template() -> Template:
     return environment().get_template("routeros/router.rsc.j2")
 
 
-def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
+def router_view(declaration: InventoryView, host: DeclaredHost) -> RouterView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = router_of(host), declaration.sites[host.site]
     own_tunnel = tunnel(declaration, device)
@@ -164,7 +171,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         name=host.name,
         title=site.title,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
         bridge=BRIDGE,
         ports=ports(device),
         lan=_lan(declaration, host, device),
@@ -172,7 +179,7 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         managers=tuple(managers(declaration, host, own_tunnel.interface if own_tunnel else None)),
         uplinks=uplinks(host.name, device, site, declaration.pilot),
         classes=tuple(_classes(site)),
-        served=served(host.name, device, site),
+        served_links=served_links(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(declaration, host),
         remotes=remotes(declaration, host, own_tunnel.interface if own_tunnel else None),
@@ -182,14 +189,14 @@ def router_view(declaration: Declared, host: DeclaredHost) -> RouterView:
         forwards=forwards(declaration, host, device),
         access_point=None if device.access_point is None else access_point(device.access_point),
         switches=tuple(
-            Named(other.name, str(other.device.access.address))
+            NamedAddress(other.name, str(other.device.access.address))
             for other in hosts_of(declaration, host.site)
             if isinstance(other.device, Switch)
         ),
     )
 
 
-def prerequisites(declaration: Declared, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
     """Say what must be on the device before the text can be written: ports and certificates that it refers to."""
     device = router_of(host)
     own_tunnel = tunnel(declaration, device)
@@ -217,7 +224,7 @@ def _dds_ports(pilot: Pilot) -> str | None:
     return None if pilot.dds is None else f"{pilot.dds.ports[0]}-{pilot.dds.ports[-1]}"
 
 
-def _lan(declaration: Declared, here: DeclaredHost, device: Router) -> LanView:
+def _lan(declaration: InventoryView, here: DeclaredHost, device: Router) -> LanView:
     lan = declaration.sites[here.site].lan
     return LanView(
         address=in_network(lan.gateway, lan.network),
@@ -225,14 +232,14 @@ def _lan(declaration: Declared, here: DeclaredHost, device: Router) -> LanView:
         gateway=str(lan.gateway),
         domain=lan.domain,
         hosts=tuple(
-            Named(host.name, str(host.device.address))
+            NamedAddress(host.name, str(host.device.address))
             for host in hosts_of(declaration, here.site)
             if isinstance(host.device, LanBox)
         ),
         ports=tuple(port.name for port in device.ports if port.use == "lan"),
         pool=f"{lan.dhcp.first}-{lan.dhcp.last}",
         lease_time_s=lan.dhcp.lease_minutes * 60,
-        reservations=tuple(Named(row.name, str(row.address), row.mac) for row in lan.reservations),
+        reservations=tuple(NamedAddress(row.name, str(row.address), row.mac) for row in lan.reservations),
     )
 
 
@@ -242,7 +249,7 @@ _QUEUES = {TrafficClass.TELEMETRY: (3, 5), TrafficClass.IMAGES: (5, 10), Traffic
 
 def _classes(site: Site) -> Iterator[ClassView]:
     for kind, (priority, share) in _QUEUES.items():
-        hosts = tuple(Named(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind)
+        hosts = tuple(NamedAddress(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind)
         if hosts:
             yield ClassView(kind.value, priority, share, hosts)
 
@@ -258,11 +265,11 @@ def _management(name: str, site: Site, device: Router) -> ManagementView:
     )
 
 
-def _names(declaration: Declared, here: str) -> Iterator[Named]:
+def _names(declaration: InventoryView, here: str) -> Iterator[NamedAddress]:
     """Yield what the router's DNS knows by itself: hosts and reservations of the site, and the VPN's endpoint."""
     site, vpn = declaration.sites[here], declaration.pilot.vpn
-    known = {host.name: address_in_site(host.device, site) for host in hosts_of(declaration, here)}
-    reserved = {row.name: str(row.address) for row in site.lan.reservations}
-    for name, address in sorted((reserved | known).items()):
-        yield Named(f"{name}.{site.lan.domain}", address)
-    yield Named(vpn.endpoint_name, str(vpn.endpoint))
+    host_addresses = {host.name: address_in_site(host.device, site) for host in hosts_of(declaration, here)}
+    reservation_addresses = {row.name: str(row.address) for row in site.lan.reservations}
+    for name, address in sorted((reservation_addresses | host_addresses).items()):
+        yield NamedAddress(f"{name}.{site.lan.domain}", address)
+    yield NamedAddress(vpn.endpoint_name, str(vpn.endpoint))

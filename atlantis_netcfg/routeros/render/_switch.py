@@ -13,10 +13,10 @@ from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
 from atlantis_netcfg.routeros.render._router import managers, tunnel
 from atlantis_netcfg.routeros.render.view import (
     BRIDGE,
-    Declared,
     DeclaredHost,
+    InventoryView,
     ManagementView,
-    Named,
+    NamedAddress,
     PortView,
     Prerequisite,
     RadioView,
@@ -38,7 +38,7 @@ class BridgedPort:
 
     name: str
     purpose: str
-    isolated: bool
+    is_isolated: bool
     """It hands nothing to the other isolated ports."""
 
 
@@ -49,17 +49,17 @@ class SwitchView:
     name: str
     title: str
     time_zone: str
-    time_servers: tuple[Named, ...]
+    time_servers: tuple[NamedAddress, ...]
     bridge: str
     ports: tuple[PortView, ...]
-    bridged: tuple[BridgedPort, ...]
+    bridge_ports: tuple[BridgedPort, ...]
     management: ManagementView
     """Who is admitted are the router, and whoever may manage and comes by the LAN."""
     gateway: str
     access_point: RadioView | None
 
 
-def switch(declaration: Declared, host: DeclaredHost) -> str:
+def switch(declaration: InventoryView, host: DeclaredHost) -> str:
     """Render the whole desired text of one switch, secrets in clear: never print it. Raises RenderError."""
     return _template().render(switch=switch_view(declaration, host))
 
@@ -69,7 +69,7 @@ def _template() -> Template:
     return environment().get_template("routeros/switch.rsc.j2")
 
 
-def switch_view(declaration: Declared, host: DeclaredHost) -> SwitchView:
+def switch_view(declaration: InventoryView, host: DeclaredHost) -> SwitchView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = _switch_of(host), declaration.sites[host.site]
     radio = None if device.access_point is None else access_point(device.access_point)
@@ -77,10 +77,10 @@ def switch_view(declaration: Declared, host: DeclaredHost) -> SwitchView:
         name=host.name,
         title=site.title,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(Named(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
         bridge=BRIDGE,
         ports=_ports(device),
-        bridged=tuple(_bridged(device, radio)),
+        bridge_ports=tuple(_bridge_ports(device, radio)),
         management=ManagementView(
             port=device.uplink,
             address=in_network(device.access.address, site.lan.network),
@@ -97,7 +97,7 @@ def switch_view(declaration: Declared, host: DeclaredHost) -> SwitchView:
 def switch_prerequisites(host: DeclaredHost) -> tuple[Prerequisite, ...]:
     """Say what must be on the device before its text can be written: ports, certificate and radio."""
     device = _switch_of(host)
-    found = [
+    prerequisites = [
         Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
         *(
             Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
@@ -106,8 +106,8 @@ def switch_prerequisites(host: DeclaredHost) -> tuple[Prerequisite, ...]:
     ]
     if device.access_point is not None:
         menus = device.access_point.menus
-        found.append(Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point"))
-    return tuple(found)
+        prerequisites.append(Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point"))
+    return tuple(prerequisites)
 
 
 def _switch_of(host: DeclaredHost) -> Switch:
@@ -121,7 +121,7 @@ def _ports(device: Switch) -> tuple[PortView, ...]:
         PortView(
             name=port.name,
             purpose=port.use.value,
-            disabled=port.use is SwitchPortUse.OFF,
+            is_disabled=port.use is SwitchPortUse.OFF,
             poe_out=port.poe.out.value if port.poe else None,
             poe_priority=port.poe.priority if port.poe else None,
         )
@@ -132,19 +132,19 @@ def _ports(device: Switch) -> tuple[PortView, ...]:
 _PURPOSES = {SwitchPortUse.UPLINK: "to the router", SwitchPortUse.LAN: "LAN"}
 
 
-def _bridged(device: Switch, radio: RadioView | None) -> Iterator[BridgedPort]:
+def _bridge_ports(device: Switch, radio: RadioView | None) -> Iterator[BridgedPort]:
     for port in device.ports:
         if port.use is not SwitchPortUse.OFF:
             purpose = _PURPOSES[port.use]
             yield BridgedPort(port.name, f"{purpose}, isolated" if port.isolated else purpose, port.isolated)
     if radio is not None:
-        yield BridgedPort(radio.name, "access point", radio.isolated)
+        yield BridgedPort(radio.name, "access point", radio.is_isolated)
 
 
-def _by_the_lan(declaration: Declared, site: str) -> Iterator[str]:
+def _by_the_lan(declaration: InventoryView, site: str) -> Iterator[str]:
     """Yield the networks of managers who come by the LAN itself, perhaps by way of the VPN's server in it."""
     for host in hosts_of(declaration, site):
         if isinstance(host.device, Router):
             end = tunnel(declaration, host.device)
-            known = managers(declaration, host, end.interface if end is not None else None)
-            yield from dict.fromkeys(manager.network for manager in known if manager.interfaces == "LAN")
+            all_managers = managers(declaration, host, end.interface if end is not None else None)
+            yield from dict.fromkeys(manager.network for manager in all_managers if manager.interfaces == "LAN")

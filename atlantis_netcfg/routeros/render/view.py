@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 BRIDGE = "bridge-lan"
-LEFT = 100
+DOWN_OFFSET = 100
 """Added to the distance of routes by a link that was given up."""
 
 
@@ -35,7 +35,7 @@ class Prerequisite:
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class NamedAddress:
     """A name for an address: DHCP reservation, DNS entry, time server."""
 
     name: str
@@ -49,7 +49,7 @@ class PortView:
 
     name: str
     purpose: str
-    disabled: bool
+    is_disabled: bool
     poe_out: str | None
     poe_priority: int | None
 
@@ -63,13 +63,13 @@ class LanView:
     network: str
     gateway: str
     domain: str
-    hosts: tuple[Named, ...]
+    hosts: tuple[NamedAddress, ...]
     """The declared computers in it; whatever else is plugged in may be a partner's."""
     ports: tuple[str, ...]
     pool: str
     """First and last address, like 10.64.1.100-10.64.1.199."""
     lease_time_s: int
-    reservations: tuple[Named, ...]
+    reservations: tuple[NamedAddress, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class PingTarget:
 class JudgedBearer:
     """How a link with canaries is watched, and when it is left and taken back; times in seconds."""
 
-    checked: bool
+    has_gateway_check: bool
     """It costs nothing to ask: `check-gateway` watches too, and a route without it holds the link meanwhile."""
     watch_s: float
     """Between two questions to a canary while it answers."""
@@ -147,7 +147,7 @@ class Uplink(LinkView):
     place: int
     canaries: tuple[str, ...]
     targets: tuple[PingTarget, ...]
-    judged: JudgedBearer | None
+    probing: JudgedBearer | None
     """None: it is not left for another one while its port has a link, be it unprobed or the last."""
     later: tuple[str, ...]
     """The router's own addresses on the links that come after this one."""
@@ -160,23 +160,23 @@ class Uplink(LinkView):
 
     @property
     def distance(self) -> int:
-        """Of its default routes while it is good; ten apart, so that `held` fits between two links."""
+        """Of its default routes while it is good; ten apart, so that `holding_distance` fits between two links."""
         return 10 * self.place
 
     @property
-    def held(self) -> int:
+    def holding_distance(self) -> int:
         """Of the default route that holds the link until its silence has lasted long enough."""
         return self.distance + 1
 
     @property
-    def left(self) -> int:
+    def down_distance(self) -> int:
         """Of its default routes while it is given up: behind every good link, and still better than no route."""
-        return self.distance + LEFT
+        return self.distance + DOWN_OFFSET
 
     @property
-    def held_left(self) -> int:
+    def holding_down_distance(self) -> int:
         """Of the holding route then."""
-        return self.held + LEFT
+        return self.holding_distance + DOWN_OFFSET
 
     @property
     def shaped_bps(self) -> int:
@@ -208,7 +208,7 @@ class ClassView:
     """Of its queue, after control (1) and before the rest (8)."""
     share: int
     """One of so many parts of the link is its own, whatever the others send; all queues together have less than all."""
-    hosts: tuple[Named, ...]
+    hosts: tuple[NamedAddress, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +236,7 @@ class Remote:
 
 
 @dataclass(frozen=True, slots=True)
-class Forwarded:
+class PortForward:
     """A port of each of our outer addresses that leads to a host of the LAN."""
 
     name: str
@@ -272,7 +272,7 @@ class RadioView:
     """Of nv2; below 10 km RouterOS refuses it (Manual, Nv2)."""
     distance_km: int | None = None
     """Only where the distance needs it."""
-    isolated: bool = False
+    is_isolated: bool = False
     """Stations do not reach one another through it."""
 
     @property
@@ -288,7 +288,7 @@ class RouterView:
     name: str
     title: str
     time_zone: str
-    time_servers: tuple[Named, ...]
+    time_servers: tuple[NamedAddress, ...]
     bridge: str
     ports: tuple[PortView, ...]
     lan: LanView
@@ -297,7 +297,7 @@ class RouterView:
     uplinks: tuple[Uplink, ...]
     classes: tuple[ClassView, ...]
     """Those that a reservation is given; control and the rest are always there."""
-    served: tuple[LinkView, ...]
+    served_links: tuple[LinkView, ...]
     tunnel: TunnelView | None
     server_in_lan: bool
     """The VPN server is a host of this LAN, so traffic to other sites enters and leaves by the same bridge."""
@@ -306,11 +306,11 @@ class RouterView:
     """Tunnel addresses."""
     dds_ports: str | None
     """Unicast ports of the pilot's DDS, like 7410-7429."""
-    names: tuple[Named, ...]
-    forwards: tuple[Forwarded, ...]
+    names: tuple[NamedAddress, ...]
+    forwards: tuple[PortForward, ...]
     access_point: RadioView | None = None
     """Its own radio, where vehicles join it."""
-    switches: tuple[Named, ...] = ()
+    switches: tuple[NamedAddress, ...] = ()
     """Of the LAN: who manages them by way of this router has its address there."""
 
     @property
@@ -319,9 +319,9 @@ class RouterView:
         return tuple(uplink for uplink in self.uplinks if uplink.kind.traits.allow_list)
 
     @property
-    def judged(self) -> tuple[Uplink, ...]:
+    def probed_uplinks(self) -> tuple[Uplink, ...]:
         """The bearers that are left for another one when they are silent."""
-        return tuple(uplink for uplink in self.uplinks if uplink.judged is not None)
+        return tuple(uplink for uplink in self.uplinks if uplink.probing is not None)
 
     @property
     def thin(self) -> tuple[Uplink, ...]:
@@ -329,12 +329,14 @@ class RouterView:
         return tuple(uplink for uplink in self.uplinks if uplink.thin)
 
     @property
-    def allow_list(self) -> tuple[Named, ...]:
+    def allow_list(self) -> tuple[NamedAddress, ...]:
         """The satellites' targets, each address once: RouterOS refuses to list an address twice."""
         names: dict[str, list[str]] = {}
         for target in (target for satellite in self.satellites for target in satellite.targets):
             names.setdefault(target.address, []).append(target.name)
-        return tuple(Named(", ".join(dict.fromkeys(found)), address) for address, found in names.items())
+        return tuple(
+            NamedAddress(", ".join(dict.fromkeys(target_names)), address) for address, target_names in names.items()
+        )
 
     @property
     def radios(self) -> tuple[Uplink, ...]:
@@ -362,7 +364,7 @@ class DeclaredHost(Protocol):
         """What it is."""
 
 
-class Declared(Protocol):
+class InventoryView(Protocol):
     """The declaration, as far as rendering reads it."""
 
     @property
@@ -385,7 +387,7 @@ def router_of(host: DeclaredHost) -> Router:
     return host.device
 
 
-def hosts_of(declaration: Declared, site: str) -> tuple[DeclaredHost, ...]:
+def hosts_of(declaration: InventoryView, site: str) -> tuple[DeclaredHost, ...]:
     """Return the hosts of a site by name, so that the text does not depend on the order of files."""
     return tuple(host for _, host in sorted(declaration.hosts.items()) if host.site == site)
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _SPACE = re.compile(r"[ \t]*")
 _NAME = re.compile(r"\.?[A-Za-z0-9][A-Za-z0-9_/-]*(?:\.[A-Za-z0-9_/-]+)*")
-_QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
+_QUOTED_VALUE = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[!#%-'*-:<-Z^-z|~]+")
 _SELECTOR = re.compile(r"\[[ \t]*find(?=[ \t\]])(?:[ \t]+where(?=[ \t\]]))?")
 _BLANK = ("", " ", "\t")
@@ -74,7 +74,7 @@ class RscArguments:
     def _char(self) -> str:
         return self.line.text[self.offset : self.offset + 1]
 
-    def _selected(self) -> bool:
+    def _has_target(self) -> bool:
         return self.find is not None or self.target is not None
 
     def _selector(self) -> None:
@@ -82,7 +82,7 @@ class RscArguments:
         match = _SELECTOR.match(self.line.text, start)
         if match is None:
             raise self.line.error(start, "only a selector of the form [ find name=value ] can stand here")
-        if self._selected():
+        if self._has_target():
             raise self.line.error(start, "the statement says twice which rows it is about")
         self.offset = match.end()
         pairs: list[tuple[str, str]] = []
@@ -127,32 +127,34 @@ class RscArguments:
 
     def _value(self, name: str) -> str:
         start, char = self.offset, self._char()
-        quoted = char == '"'
-        match = (_QUOTED if quoted else _BARE).match(self.line.text, start)
-        if match is None and quoted:
+        is_quoted = char == '"'
+        match = (_QUOTED_VALUE if is_quoted else _BARE).match(self.line.text, start)
+        if match is None and is_quoted:
             hint = 'close it with  "  and write a quote within the value as  \\"'
             raise self.line.error(start, f"the quote that opens the value of `{name}` is never closed", hint=hint)
         if match is None and char not in _BLANK:
-            raise self.line.error(start, f"the value of `{name}` cannot start with {_shown(char)}", hint=_quotes(name))
+            raise self.line.error(
+                start, f"the value of `{name}` cannot start with {_describe_char(char)}", hint=_quotes(name)
+            )
         if match is None:
             raise self.line.error(start, f"`{name}=` has no value", hint=f'an empty value is written  {name}=""')
         self.offset = match.end()
-        self._check_end(name, quoted=quoted)
-        return self._unquoted(match[0], start)
+        self._check_end(name, is_quoted=is_quoted)
+        return self._unquote(match[0], start)
 
-    def _check_end(self, name: str, *, quoted: bool) -> None:
+    def _check_end(self, name: str, *, is_quoted: bool) -> None:
         following = self._char()
         if following in _BLANK or (following == "]" and self._selecting):
             return
         # /export terse forgets the line end before the menu line that it prints above a row with a volatile comment
         # (seen on 7.15.3); after a closing quote that menu can be told from the value.
-        if quoted and _GLUED_MENU.match(self.line.text, self.offset):
+        if is_quoted and _GLUED_MENU.match(self.line.text, self.offset):
             self.end = self.offset
             return
-        complaint = f"{_shown(following)} cannot stand in the value of `{name}` like this"
+        complaint = f"{_describe_char(following)} cannot stand in the value of `{name}` like this"
         raise self.line.error(self.offset, complaint, hint=_quotes(name))
 
-    def _unquoted(self, literal: str, start: int) -> str:
+    def _unquote(self, literal: str, start: int) -> str:
         try:
             return unquote(literal)
         except ValueTextError as error:
@@ -160,15 +162,15 @@ class RscArguments:
 
     def _word(self) -> None:
         start = self.offset
-        match = (_QUOTED if self._char() == '"' else _BARE).match(self.line.text, start)
+        match = (_QUOTED_VALUE if self._char() == '"' else _BARE).match(self.line.text, start)
         if match is None:
-            raise self.line.error(start, f"{_shown(self._char())} cannot stand here", hint=_ROW_HINT)
+            raise self.line.error(start, f"{_describe_char(self._char())} cannot stand here", hint=_ROW_HINT)
         word = match[0]
-        may_be_target = self.verb != "add" and not self.values and not self._selected()
+        may_be_target = self.verb != "add" and not self.values and not self._has_target()
         if word.lstrip(".") in FLAGS and not may_be_target:
             self.values.append((self._full_name(word), ""))
         elif may_be_target:
-            self.target = self._unquoted(word, start)
+            self.target = self._unquote(word, start)
         else:
             raise self._stray(start, word)
         self.offset = match.end()
@@ -185,7 +187,7 @@ def _quotes(name: str) -> str:
     return f'a value with spaces or signs needs quotes:  {name}="..."'
 
 
-def _shown(char: str) -> str:
+def _describe_char(char: str) -> str:
     """Give a character that cannot be seen its name."""
     return char if char.isprintable() and not char.isspace() else f"the character {unicodedata.name(char, ascii(char))}"
 
@@ -229,12 +231,12 @@ def logical_lines(text: str, source: str) -> Iterator[LogicalLine]:
     for number, physical in enumerate(text.removeprefix("\ufeff").removesuffix("\n").split("\n"), start=1):
         content = physical.removesuffix("\r").lstrip(_INDENT)
         column = len(physical.removesuffix("\r")) - len(content) + 1
-        joined = current or LogicalLine(source)
-        wrapped = _is_wrapped(content) and not (current is None and content.startswith("#"))
-        joined.append(content[:-1] if wrapped else content, number, column)
-        current = joined if wrapped else None
-        if not wrapped:
-            yield joined
+        logical_line = current or LogicalLine(source)
+        is_wrapped = _is_wrapped(content) and not (current is None and content.startswith("#"))
+        logical_line.append(content[:-1] if is_wrapped else content, number, column)
+        current = logical_line if is_wrapped else None
+        if not is_wrapped:
+            yield logical_line
     if current is not None:
         raise current.error(
             len(current.text),
@@ -306,8 +308,8 @@ class _Reader:
             )
         )
         self.comments.clear()
-        if glued := line.text[arguments.end :]:
-            self._open(_join("/", glued[1:].split()))
+        if menu_text := line.text[arguments.end :]:
+            self._open(_join("/", menu_text[1:].split()))
 
     def _open(self, menu: str) -> None:
         self.menus.setdefault(menu)
@@ -355,5 +357,5 @@ def _not_a_command(line: LogicalLine, offset: int) -> RscError:
         hint = "keep scripts in /system script, or leave the line out"
         return line.error(0, "this is a line of a script; only the lines of an export are understood here", hint=hint)
     word = line.text[offset:].split()
-    found = word[0] if word else line.text.strip()
-    return line.error(offset if word else 0, f"`{found}` is neither a menu nor a command", hint=_MENU_HINT)
+    first_word = word[0] if word else line.text.strip()
+    return line.error(offset if word else 0, f"`{first_word}` is neither a menu nor a command", hint=_MENU_HINT)

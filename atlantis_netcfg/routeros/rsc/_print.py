@@ -24,9 +24,9 @@ _PLAIN = re.compile(r"[ !#%->@-\[\]-~]*")
 """What stands in quotes as it is."""
 _BARE = re.compile(r"[0-9A-Za-z!#%*+,\-./:<>@_~]+")
 
-_NAMED = {'"': '\\"', "\\": "\\\\", "$": "\\$", "?": "\\?", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
+_ESCAPE_BY_CHAR = {'"': '\\"', "\\": "\\\\", "$": "\\$", "?": "\\?", "\n": "\\n", "\r": "\\r", "\t": "\\t"}
 _ESCAPES = {
-    **{escape[1]: value for value, escape in _NAMED.items()},
+    **{escape[1]: value for value, escape in _ESCAPE_BY_CHAR.items()},
     "_": " ",
     "a": "\a",
     "b": "\b",
@@ -35,7 +35,7 @@ _ESCAPES = {
 }
 _ESCAPE = re.compile(r"\\([0-9A-F]{2}|[\s\S])")
 _HEX = re.compile(r"[0-9A-F]{2}")
-_QUOTED = re.compile(r'"(?:[^"\\]|\\[\s\S])*"')
+_QUOTED_VALUE = re.compile(r'"(?:[^"\\]|\\[\s\S])*"')
 _FIRST_PRINTABLE, _LAST_PRINTABLE = " ", "~"
 
 
@@ -50,12 +50,12 @@ def quote(value: str) -> str:
 
 def in_quotes(value: str) -> str:
     """Print `value` in quotes, also where a bare one would do."""
-    return f'"{value if _PLAIN.fullmatch(value) else "".join(map(_escaped, value))}"'
+    return f'"{value if _PLAIN.fullmatch(value) else "".join(map(_escape_char, value))}"'
 
 
-def _escaped(char: str) -> str:
-    if char in _NAMED:
-        return _NAMED[char]
+def _escape_char(char: str) -> str:
+    if char in _ESCAPE_BY_CHAR:
+        return _ESCAPE_BY_CHAR[char]
     if _FIRST_PRINTABLE <= char <= _LAST_PRINTABLE:
         return char
     return "".join(f"\\{byte:02X}" for byte in char.encode(ENCODING, ERRORS))
@@ -73,7 +73,7 @@ def unquote(text: str) -> str:
     """Read one value of export text, quoted or bare. The text of a ValueError says what is wrong, for a person."""
     if not text.startswith('"'):
         return _bare(text)
-    if len(text) == 1 or not _QUOTED.fullmatch(text):
+    if len(text) == 1 or not _QUOTED_VALUE.fullmatch(text):
         raise ValueTextError("the text must end with the one quote that closes it", len(text) - 1)
     raw = _ESCAPE.sub(_unescape, text[1:-1])
     return raw.encode(ENCODING, ERRORS).decode(ENCODING, ERRORS)
@@ -114,7 +114,7 @@ def print_export(export: Export, *, width: int | None = WIDTH) -> str:
     current: str | None = None
     for statement in export.statements:
         if statement.menu != current:
-            lines += map(console_path, _opened(pending, statement.menu))
+            lines += map(console_path, _open_menus(pending, statement.menu))
             current = statement.menu
         lines += map(_comment, statement.comments)
         lines.append(print_statement(statement, width=width, elide=elide))
@@ -125,7 +125,7 @@ def print_export(export: Export, *, width: int | None = WIDTH) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def _opened(pending: list[str], menu: str) -> Iterator[str]:
+def _open_menus(pending: list[str], menu: str) -> Iterator[str]:
     """Yield the menus that stand before `menu` for the first time, then `menu`; forget those."""
     if menu in pending:
         while (first := pending.pop(0)) != menu:
@@ -145,7 +145,7 @@ def print_statement(statement: Statement, *, width: int | None = None, path: boo
     page = _Page(width)
     for word in console_path(statement.menu).split() if path else ():
         page.put(_Atom(word))
-    page.put(_Atom(statement.verb, spaced=statement.menu != "/"))
+    page.put(_Atom(statement.verb, has_space=statement.menu != "/"))
     for atom in _atoms(statement, elide=elide):
         page.put(atom)
     return page.text()
@@ -156,7 +156,7 @@ class _Atom:
     """What stays together as long as a line has room for it."""
 
     text: str
-    spaced: bool = True
+    has_space: bool = True
     """A space goes before it; the space is no part of the text and ends the line if the atom starts the next one."""
     value: str | None = None
     """What is put in quotes and cut, if no line has room for the whole; None is a word that must not be cut."""
@@ -176,15 +176,15 @@ def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iter
     before = ""
     for name, value in values:
         prefix, _, last = name.rpartition(".")
-        shown = f".{last}" if elide and prefix and prefix == before and value is not None else name
+        label = f".{last}" if elide and prefix and prefix == before and value is not None else name
         before = prefix if value is not None else ""
         if value is None:
             yield _Atom(f"!{name}")
         elif value == "" and last in FLAGS:
-            yield _Atom(shown)
+            yield _Atom(label)
         else:
-            yield _Atom(f"{shown}=")
-            yield _Atom(quote(value), spaced=False, value=value)
+            yield _Atom(f"{label}=")
+            yield _Atom(quote(value), has_space=False, value=value)
 
 
 @dataclass(slots=True)
@@ -204,7 +204,7 @@ class _Page:
 
     def put(self, atom: _Atom) -> None:
         """Add an atom where it belongs: on this line, on the next, or cut over several."""
-        space = " " if atom.spaced and self.line else ""
+        space = " " if atom.has_space and self.line else ""
         if self.width is None:
             self.line += space + atom.text
         elif self._room(len(self.line) + len(space), atom):

@@ -30,12 +30,12 @@ class DriftReport:
     """How the devices of a site differ from the declaration."""
 
     site: str
-    rehearsed: bool
+    is_rehearsal: bool
     devices: Mapping[str, Mapping[str, Any]]
     """Device name to the engine's result."""
     not_handled: Mapping[str, str] = field(default_factory=dict)
     """Device name to its kind, for what no role handles yet."""
-    unfinished: Mapping[str, str] = field(default_factory=dict)
+    unfinished_runs: Mapping[str, str] = field(default_factory=dict)
     """Device name to the run that left its outcome open."""
     next_commands: Mapping[str, str] = field(default_factory=dict)
     """Device name to what is typed to go on with that run."""
@@ -45,7 +45,7 @@ class DriftReport:
     """The pilot's (IANA name), for the times that people read."""
 
     @property
-    def skipped(self) -> Mapping[str, str]:
+    def skip_reasons(self) -> Mapping[str, str]:
         """Device name to why it was not compared."""
         untold = {name: f"not handled yet ({_kind(kind)})" for name, kind in self.not_handled.items()}
         return {**{name: f"not rehearsed: {why}" for name, why in self.left_out.items()}, **untold}
@@ -59,11 +59,11 @@ class DriftReport:
         """The object that `--json` prints; docs/drift.md describes it."""
         return {
             "site": self.site,
-            "rehearsed": self.rehearsed,
+            "rehearsed": self.is_rehearsal,
             "exit": int(self.exit),
             "devices": {
                 **{name: self._device(name, result) for name, result in self.devices.items()},
-                **{name: {"verdict": "SKIP", "message": why} for name, why in self.skipped.items()},
+                **{name: {"verdict": "SKIP", "message": why} for name, why in self.skip_reasons.items()},
             },
             "errors": [
                 {"device": name, "message": result["message"], "hint": result["hint"]}
@@ -73,14 +73,14 @@ class DriftReport:
         }
 
     def _device(self, name: str, result: Mapping[str, Any]) -> dict[str, Any]:
-        compared = result["comparison"] or {"menus": [], "confirmed": None, "differences": []}
-        kept = ("message", "hint", "notes", "round_trips", "bytes", "seconds", "version", "board")
+        comparison = result["comparison"] or {"menus": [], "confirmed": None, "differences": []}
+        keys = ("message", "hint", "notes", "round_trips", "bytes", "seconds", "version", "board")
         return {
             "verdict": verdict(result),
-            **compared,
-            **{key: result[key] for key in kept},
+            **comparison,
+            **{key: result[key] for key in keys},
             **({"cost": result["cost"]} if "cost" in result else {}),
-            "unfinished": self.unfinished.get(name),
+            "unfinished": self.unfinished_runs.get(name),
         }
 
     def as_text(self) -> str:
@@ -94,8 +94,8 @@ class DriftReport:
             if result["comparison"] is not None:
                 yield from drift_lines(result["comparison"], translate).split("\n")[:-1]
             yield ""
-        yield from (f"{name}: {why}" for name, why in self.skipped.items())
-        if self.rehearsed:
+        yield from (f"{name}: {why}" for name, why in self.skip_reasons.items())
+        if self.is_rehearsal:
             yield "rehearsed on emulated devices as they are after `provision adopt`: nothing real was read"
 
     def _beside(self, name: str, result: Mapping[str, Any]) -> Iterator[str]:
@@ -103,17 +103,19 @@ class DriftReport:
             yield _last(result["comparison"], self.time_zone)
         if result["hint"]:
             yield result["hint"]
-        yield from cost_lines(result, rehearsed=self.rehearsed)
+        yield from cost_lines(result, is_rehearsal=self.is_rehearsal)
         yield from (f"note: {note}" for note in result["notes"])
-        if name in self.unfinished:
-            yield f"note: run {self.unfinished[name]} left its outcome open: `{self.next_commands[name]}` goes on"
+        if name in self.unfinished_runs:
+            yield f"note: run {self.unfinished_runs[name]} left its outcome open: `{self.next_commands[name]}` goes on"
 
 
 def _last(comparison: Mapping[str, Any], zone: str) -> str:
-    confirmed = comparison["confirmed"]
-    if confirmed is None:
+    confirmation = comparison["confirmed"]
+    if confirmation is None:
         return "since when is unknown: no run has confirmed a state of this device"
-    return f"last confirmed by run {confirmed['run']} of {time_text(datetime.fromisoformat(confirmed['at']), zone)}"
+    return (
+        f"last confirmed by run {confirmation['run']} of {time_text(datetime.fromisoformat(confirmation['at']), zone)}"
+    )
 
 
 def verdict(result: Mapping[str, Any]) -> str:
@@ -139,20 +141,20 @@ def drift_lines(comparison: Mapping[str, Any], read: Callable[[str], str] = str)
 
 
 def difference_lines(
-    difference: Mapping[str, Any], confirmed: Mapping[str, str] | None, read: Callable[[str], str] = str
+    difference: Mapping[str, Any], confirmation: Mapping[str, str] | None, read: Callable[[str], str] = str
 ) -> Iterable[str]:
     """Return one difference: what, whose, since when, and who did it as far as the device remembers."""
     yield printable.line(f"{read(difference['kind']):<8} {difference['subject']}")
     details = [
-        f"{field['name']}: declared {_shown(field['declared'])}, found {_shown(field['found'])}"
+        f"{field['name']}: declared {_value_text(field['declared'])}, found {_value_text(field['found'])}"
         for field in difference["fields"]
     ]
     if difference["row"]:
         details.append(difference["row"])
-    details.append("; ".join(filter(None, (read(_owner(difference)), _since(difference, confirmed)))))
+    details.append("; ".join(filter(None, (read(_owner(difference)), _since(difference, confirmation)))))
     if difference["history"]:
-        done = difference["history"]
-        details.append(f"the device remembers: {done['action']}, by {done['by']}, {done['at']} by its clock")
+        change = difference["history"]
+        details.append(f"the device remembers: {change['action']}, by {change['by']}, {change['at']} by its clock")
     yield from (f"{'':<8} {printable.line(detail)}" for detail in details)
 
 
@@ -161,21 +163,21 @@ def _owner(difference: Mapping[str, Any]) -> str:
     return f"{difference['owner']}{mark}"
 
 
-def _since(difference: Mapping[str, Any], confirmed: Mapping[str, str] | None) -> str:
+def _since(difference: Mapping[str, Any], confirmation: Mapping[str, str] | None) -> str:
     if difference["kind"] == "hidden":
         return str(difference["why_unknown"])
-    if confirmed is None:
+    if confirmation is None:
         return ""  # said once, for the whole device
     if difference["since"] == "unknown":
         return f"since when is unknown: {difference['why_unknown']}"
     if difference["since"] == "after":
-        return f"since after run {confirmed['run']}"
+        return f"since after run {confirmation['run']}"
     if difference["kind"] == "foreign":
-        return f"there already in run {confirmed['run']}, which left it alone"
-    return f"already so in run {confirmed['run']}: the declaration is newer"
+        return f"there already in run {confirmation['run']}, which left it alone"
+    return f"already so in run {confirmation['run']}: the declaration is newer"
 
 
-def _shown(value: str) -> str:
+def _value_text(value: str) -> str:
     return value or "nothing"
 
 
@@ -195,7 +197,7 @@ def clean(text: str) -> str:
 def add(case: ET.Element, tag: str, kind: str, *texts: str) -> None:
     """Put a failure or an error into a case: its first line as the message, all of it as the text."""
     first = next((line for text in texts for line in text.splitlines()), "")
-    ET.SubElement(case, tag, type=kind, message=clean(" ".join(first.split()))).text = _joined(texts)
+    ET.SubElement(case, tag, type=kind, message=clean(" ".join(first.split()))).text = _join_lines(texts)
 
 
 def skip(case: ET.Element, why: str) -> None:
@@ -205,10 +207,10 @@ def skip(case: ET.Element, why: str) -> None:
 
 def tell(case: ET.Element, *texts: str) -> None:
     """Put words beside a case that do not judge it."""
-    ET.SubElement(case, "system-out").text = _joined(texts)
+    ET.SubElement(case, "system-out").text = _join_lines(texts)
 
 
-def _joined(texts: Iterable[str]) -> str:
+def _join_lines(texts: Iterable[str]) -> str:
     """One below the other, each cleaned before: a carriage return at the end would be lost with the line feed."""
     return "\n".join(map(clean, texts))
 
@@ -226,7 +228,7 @@ def total(root: ET.Element) -> None:
     root.set("time", f"{sum(float(suite.get('time', '0')) for suite in root):.3f}")
 
 
-def written(root: ET.Element) -> bytes:
+def render_xml(root: ET.Element) -> bytes:
     """The file."""
     total(root)
     ET.indent(root)
@@ -248,12 +250,12 @@ def junit(report: DriftReport) -> bytes:
     root = ET.Element("testsuites", name=f"drift of {report.site}")
     for name, result in report.devices.items():
         root.append(_suite(name, result))
-    for name, why in report.skipped.items():
+    for name, why in report.skip_reasons.items():
         suite = ET.SubElement(root, "testsuite", name=name)
         case = ET.SubElement(suite, "testcase", name=_READ, classname=name, time="0")
         skip(case, why)
         count(suite)
-    return written(root)
+    return render_xml(root)
 
 
 def _suite(name: str, result: Mapping[str, Any]) -> ET.Element:
@@ -285,20 +287,20 @@ def _judge_evidence(case: ET.Element, result: Mapping[str, Any]) -> None:
         tell(case, *texts)
 
 
-def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> None:
+def _judge(case: ET.Element, differences: Sequence[Mapping[str, Any]], confirmation: Mapping[str, str] | None) -> None:
     """Fail for drift; skip where a secret could not be compared; a row that is left alone is only told."""
-    counted = [difference for difference in differences if difference["counts"]]
+    drift_rows = [difference for difference in differences if difference["counts"]]
     beside = [item for item in differences if not item["counts"]]
-    hidden = [entry for entry in beside if entry["kind"] == "hidden"]
-    if counted:
-        kinds = ", ".join(dict.fromkeys(element["kind"] for element in counted))
-        add(case, "failure", kinds, *_lines(counted, confirmed))
-    elif hidden:
-        names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden for field in row["fields"])
+    hidden_entries = [entry for entry in beside if entry["kind"] == "hidden"]
+    if drift_rows:
+        kinds = ", ".join(dict.fromkeys(element["kind"] for element in drift_rows))
+        add(case, "failure", kinds, *_lines(drift_rows, confirmation))
+    elif hidden_entries:
+        names = ", ".join(f"{field['name']} of {row['subject']}" for row in hidden_entries for field in row["fields"])
         skip(case, f"could not be compared: {names}")
     if beside:
-        tell(case, *_lines(beside, confirmed))
+        tell(case, *_lines(beside, confirmation))
 
 
-def _lines(differences: Sequence[Mapping[str, Any]], confirmed: Mapping[str, str] | None) -> Iterator[str]:
-    return (line for difference in differences for line in difference_lines(difference, confirmed))
+def _lines(differences: Sequence[Mapping[str, Any]], confirmation: Mapping[str, str] | None) -> Iterator[str]:
+    return (line for difference in differences for line in difference_lines(difference, confirmation))

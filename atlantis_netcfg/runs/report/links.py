@@ -30,9 +30,9 @@ class LinksReport:
 
     site: str
     title: str
-    rehearsed: bool
+    is_rehearsal: bool
     bearers: Mapping[str, Mapping[str, Any]]
-    asked: tuple[str, ...]
+    queried_devices: tuple[str, ...]
     """Devices that were asked, whether or not they answered."""
     unreachable: Sequence[Mapping[str, str | None]] = ()
     not_asked: Mapping[str, str] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class LinksReport:
 
         A satellite that is not probed has no finding: nobody has asked for it.
         """
-        if not self.asked:
+        if not self.queried_devices:
             return ExitCode.NOTHING
         not_green = any(
             finding["verdict"] in _NOT_GREEN for link in self.bearers.values() for finding in link["findings"]
@@ -61,7 +61,7 @@ class LinksReport:
         """The object that `--json` prints."""
         return {
             "site": self.site,
-            "rehearsed": self.rehearsed,
+            "rehearsed": self.is_rehearsal,
             "exit": int(self.exit),
             "bearers": {name: dict(entry) for name, entry in self.bearers.items()},
             "unreachable": [dict(item) for item in self.unreachable],
@@ -78,14 +78,14 @@ class LinksReport:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
-        what = "emulated devices, nothing real was asked" if self.rehearsed else "nothing was changed"
+        what = "emulated devices, nothing real was asked" if self.is_rehearsal else "nothing was changed"
         yield f"Links of {self.site} ({self.title}), the preferred one first: {what}"
         for number, (name, bearer) in enumerate(self.bearers.items(), start=1):
             yield ""
             yield from _block(number, name, bearer, self.time_zone)
         yield ""
         yield from (f"not asked: {device}: {why}" for device, why in self.not_asked.items())
-        cost_of = "a real look comes to, over" if self.rehearsed else "this look has cost, over"
+        cost_of = "a real look comes to, over" if self.is_rehearsal else "this look has cost, over"
         yield from (f"{cost_of} {name}: {bearer['words']}" for name, bearer in self.costs.items())
         yield from (f"note: {' '.join(note.split())}" for note in self.notes)
         yield from (f"not rehearsed: {item}" for item in self.not_rehearsed)
@@ -93,9 +93,9 @@ class LinksReport:
 
     def _closing(self) -> str:
         """Which link carries the traffic, and whether that is the preferred one."""
-        preferred = next(iter(self.bearers), "")
+        preferred_link = next(iter(self.bearers), "")
         active = [name for name, entry in self.bearers.items() if entry["active"]]
-        if not self.asked:
+        if not self.queried_devices:
             return f"Nobody was asked, so nothing is known of {self.site}"
         if any(bearer["active"] is None for bearer in self.bearers.values()):
             return f"Which link carries the traffic of {self.site} is not known: the router was not read"
@@ -104,10 +104,10 @@ class LinksReport:
         if len(active) > 1:
             return f"{' and '.join(active)} carry the traffic of {self.site} together"
         words = f"{active[0]} carries the traffic of {self.site}"
-        if active[0] == preferred:
+        if active[0] == preferred_link:
             return f"{words}: it is the preferred link"
-        paid = "; every byte on it is paid" if self.bearers[active[0]]["metered"] else ""
-        return f"{words}: it is NOT the preferred link, which is {preferred}{paid}"
+        cost_note = "; every byte on it is paid" if self.bearers[active[0]]["metered"] else ""
+        return f"{words}: it is NOT the preferred link, which is {preferred_link}{cost_note}"
 
 
 def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iterator[str]:
@@ -118,8 +118,8 @@ def _block(number: int, name: str, bearer: Mapping[str, Any], zone: str) -> Iter
     for title, words in _quality(bearer["kind"], bearer["quality"]):
         yield from _lines(title, words)
     if bearer["probe_bytes"]:
-        paid = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
-        yield from _lines("probe", f"{_probe(bearer['quality'])}{paid}")
+        cost_note = f" ({_size(bearer['probe_bytes'])}, which is paid for)" if bearer["metered"] else ""
+        yield from _lines("probe", f"{_probe(bearer['quality'])}{cost_note}")
     yield from _lines("this month", _month(bearer, zone))
     for title, words in zip_longest(("standing",), bearer["standing"]["words"], fillvalue=""):
         yield from _lines(title, words)
@@ -210,11 +210,11 @@ def _radio_grade(level: float) -> str:
 
 
 def _pair(quality: Mapping[str, Any], title: str, name: str, unit: str) -> Iterator[str]:
-    sent, received = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
-    if sent is not None and received is not None:
-        yield f"{title} {sent:g}/{received:g} {unit} sent/received"
-    elif sent is not None or received is not None:
-        yield f"{title} {sent if sent is not None else received:g} {unit}"
+    tx_value, rx_value = quality.get(f"tx_{name}"), quality.get(f"rx_{name}")
+    if tx_value is not None and rx_value is not None:
+        yield f"{title} {tx_value:g}/{rx_value:g} {unit} sent/received"
+    elif tx_value is not None or rx_value is not None:
+        yield f"{title} {tx_value if tx_value is not None else rx_value:g} {unit}"
 
 
 _GRADES = {
@@ -245,14 +245,14 @@ def _level(key: str, value: float) -> str:
 
 
 def _terminal(quality: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    seen = {"yes": "answers the router", "no": "has not answered the router of late"}.get(
+    reachability = {"yes": "answers the router", "no": "has not answered the router of late"}.get(
         str(quality.get("next_hop_seen"))
     )
-    declared = None
+    firmware = None
     if quality.get("firmware") is not None:
-        declared = f"firmware {quality['firmware']}, seen by {quality['seen_by']} on {quality['seen_on']}"
-    if seen or declared:
-        yield "terminal", ", ".join(words for words in (seen, declared) if words)
+        firmware = f"firmware {quality['firmware']}, seen by {quality['seen_by']} on {quality['seen_on']}"
+    if reachability or firmware:
+        yield "terminal", ", ".join(words for words in (reachability, firmware) if words)
     if quality.get("kept_off_packets") is not None:
         packets, nbytes = quality["kept_off_packets"], _size(quality["kept_off_bytes"])
         yield "kept off", f"{packets} packets ({nbytes}) that the allow-list does not admit"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, Styled
+from atlantis_netcfg.core.printable import Row, Style, StyledText
 from atlantis_netcfg.runs.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
@@ -20,14 +20,14 @@ def consent_question(cost: Mapping[str, Any]) -> str:
     return f"{cost['instead']}; {cost['words']}" if cost["instead"] else str(cost["words"])
 
 
-def cost_lines(result: Mapping[str, Any], *, rehearsed: bool) -> Iterator[str]:
+def cost_lines(result: Mapping[str, Any], *, is_rehearsal: bool) -> Iterator[str]:
     """What it came to; of a rehearsal, which costs nothing, what a real run would ask and come to."""
     cost = result.get("cost")
     if cost is None:
         return
-    if rehearsed and cost["words"]:
+    if is_rehearsal and cost["words"]:
         yield f"a real run asks first: {consent_question(cost)}"
-    yield f"{'and comes to' if rehearsed else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
+    yield f"{'and comes to' if is_rehearsal else 'cost over ' + str(cost['bearer'])}: {cost['bill_words']}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,14 +39,14 @@ class Pass:
     result: Mapping[str, Any]
 
     @property
-    def left(self) -> int:
+    def remaining_changes(self) -> int:
         """Changes that it still found."""
         return int(self.result["planned"])
 
     def as_json(self) -> dict[str, Any]:
         """What it cost."""
-        kept = ("exit", "planned", "round_trips", "bytes", "seconds", "cost")
-        return {name: self.result[name] for name in kept if name in self.result}
+        keys = ("exit", "planned", "round_trips", "bytes", "seconds", "cost")
+        return {name: self.result[name] for name in keys if name in self.result}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class RunReport:
     """Results of one run of one site (or of all of them)."""
 
     site: str
-    rehearsed: bool
+    is_rehearsal: bool
     devices: Mapping[str, Mapping[str, Any]]
     """Device name to the engine's result."""
     passes: tuple[Pass, ...] = ()
@@ -81,7 +81,7 @@ class RunReport:
         if not self.devices:
             return ExitCode.NOTHING
         codes = {ExitCode(result["exit"]) for result in self.devices.values()}
-        codes |= {ExitCode.FAILED if item.left else ExitCode(item.result["exit"]) for item in self.passes}
+        codes |= {ExitCode.FAILED if item.remaining_changes else ExitCode(item.result["exit"]) for item in self.passes}
         if self.stopped_by:
             codes.add(ExitCode.FAILED)
         return worst(codes)
@@ -90,7 +90,7 @@ class RunReport:
         """The object that `--json` prints."""
         return {
             "site": self.site,
-            "rehearsed": self.rehearsed,
+            "rehearsed": self.is_rehearsal,
             "exit": int(self.exit),
             "runs": [run for run in self.runs if run],
             "devices": {
@@ -109,9 +109,9 @@ class RunReport:
         passes = [item for item in self.passes if item.device == name]
         return {
             **result,
-            "second_pass": sum(element.left for element in passes) if passes else None,
+            "second_pass": sum(element.remaining_changes for element in passes) if passes else None,
             "bearers": {entry.bearer: entry.as_json() for entry in passes},
-            "not_rehearsed": list(self.not_rehearsed) if self.rehearsed else [],
+            "not_rehearsed": list(self.not_rehearsed) if self.is_rehearsal else [],
         }
 
     def plan_rows(self) -> list[Row]:
@@ -119,7 +119,7 @@ class RunReport:
         rows: list[Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
-                rows += [Styled(f"{name}:", Style.TITLE), *_plan(result), ""]
+                rows += [StyledText(f"{name}:", Style.TITLE), *_plan(result), ""]
         return rows
 
     def cost_rows(self) -> list[Row]:
@@ -127,7 +127,7 @@ class RunReport:
         rows: list[Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
-                rows += [Styled(f"{name}:", Style.TITLE), *_plan_cost(result), ""]
+                rows += [StyledText(f"{name}:", Style.TITLE), *_plan_cost(result), ""]
         return rows
 
     def plan_as_text(self) -> str:
@@ -141,14 +141,14 @@ class RunReport:
     def rows(self, width: int = 0) -> list[Row]:
         """The closing lines: the devices, wrapped at `width` columns if that is not 0, and the summary."""
         column = _NARROW_COLUMN if 0 < width < _ROOMY else _COLUMN
-        devices = [part for row in self._device_rows(column) for part in printable.wrapped(row, width, column)]
+        devices = [part for row in self._device_rows(column) for part in printable.wrap_row(row, width, column)]
         return [*devices, *self.summary().rows_for_screen(min(width or printable.NARROW, printable.NARROW))]
 
     def summary(self) -> Summary:
         """What the last lines are made of."""
         return Summary(
             site=self.site,
-            rehearsed=self.rehearsed,
+            is_rehearsal=self.is_rehearsal,
             purpose=self.purpose,
             exit=self.exit,
             results={name: self._decisive(name, result) for name, result in self.devices.items()},
@@ -157,7 +157,7 @@ class RunReport:
                 **dict.fromkeys(self.not_handled, (DeviceEnd.NOT_HANDLED, "")),
             },
             rows=rows_of_plan(self.devices.values()),
-            limits=len(self.not_rehearsed) if self.rehearsed and not self.verbose else 0,
+            limits=len(self.not_rehearsed) if self.is_rehearsal and not self.verbose else 0,
             passes=len({item.bearer for item in self.passes}),
             stopped_by="Ctrl-C" if self.stopped_by == "SIGINT" else self.stopped_by,
             next_command=self.next_command,
@@ -169,8 +169,8 @@ class RunReport:
         for item in self.passes:
             if item.device == name and item.result["exit"] != ExitCode.DONE:
                 return item.result
-            if item.device == name and item.left:
-                words = f"a second run over {item.bearer} still finds {item.left} changes"
+            if item.device == name and item.remaining_changes:
+                words = f"a second run over {item.bearer} still finds {item.remaining_changes} changes"
                 return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
         return result
 
@@ -179,29 +179,29 @@ class RunReport:
         for name, result in self.devices.items():
             words = printable.below(translate(result["message"]), column)
             style = _STYLES.get(ending(result), Style.BAD)
-            yield (f"  {name:{start}} ", Styled(words, style), _cost(result))
+            yield (f"  {name:{start}} ", StyledText(words, style), _cost(result))
             if result["hint"]:
                 yield f"{below}{printable.below(translate(result['hint']), column)}"
             yield from self._bill(result, below)
             for item in self.passes:
                 if item.device == name:
                     words = translate(f"second run over {item.bearer}")
-                    yield f"{below}{words}: {_left(item)}{_cost(item.result)}"
+                    yield f"{below}{words}: {_remaining_text(item)}{_cost(item.result)}"
                     yield from self._bill(item.result, below)
             yield from (_note("note", note, column) for note in result["notes"])
             yield from (_note("drift", drift["message"], column) for drift in result["drift"])
         yield from (
-            (f"  {name:{start}} ", Styled(translate(f"not rehearsed: {why}"), Style.WARNING))
+            (f"  {name:{start}} ", StyledText(translate(f"not rehearsed: {why}"), Style.WARNING))
             for name, why in self.left_out.items()
         )
         for name, kind in self.not_handled.items():
             words = translate(f"not handled yet ({kind.replace('_', ' ')})")
-            yield (f"  {name:{start}} ", Styled(words, Style.WARNING))
-        if self.rehearsed and self.verbose:
+            yield (f"  {name:{start}} ", StyledText(words, Style.WARNING))
+        if self.is_rehearsal and self.verbose:
             yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
 
     def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[Row]:
-        return (f"{below}{translate(line)}" for line in cost_lines(result, rehearsed=self.rehearsed))
+        return (f"{below}{translate(line)}" for line in cost_lines(result, is_rehearsal=self.is_rehearsal))
 
 
 _COLUMN, _NARROW_COLUMN = 21, 4
@@ -220,7 +220,7 @@ _STYLES = {
 def _note(label: str, message: str, column: int) -> Row:
     words = printable.below(translate(message), column)
     style = Style.WARNING if message.startswith("WARN: ") else None
-    return (f"{'':<{column}}{translate(label)}: ", Styled(words, style) if style is not None else words)
+    return (f"{'':<{column}}{translate(label)}: ", StyledText(words, style) if style is not None else words)
 
 
 def _without_plan(result: Mapping[str, Any]) -> bool:
@@ -238,8 +238,8 @@ def _plan(result: Mapping[str, Any]) -> Iterable[Row]:
 
 def _difference(line: str) -> Row:
     """A line of a plan, green where something comes and red where something goes; `+` and `-` say it as well."""
-    style = {"+": Style.ADDED, "-": Style.REMOVED}.get(line[:1])
-    return Styled(line, style) if style is not None else line
+    style = {"+": Style.ADDITION, "-": Style.REMOVAL}.get(line[:1])
+    return StyledText(line, style) if style is not None else line
 
 
 def _plan_cost(result: Mapping[str, Any]) -> Iterable[Row]:
@@ -270,10 +270,10 @@ def _changes(result: Mapping[str, Any]) -> str:
     return f"{number} changes" if rows in (0, number) else f"{number} changes of {rows} rows"
 
 
-def _left(unit: Pass) -> str:
+def _remaining_text(unit: Pass) -> str:
     if unit.result["exit"] != ExitCode.DONE:
         return translate(unit.result["message"])
-    return translate(f"{unit.left} changes LEFT" if unit.left else "0 changes")
+    return translate(f"{unit.remaining_changes} changes LEFT" if unit.remaining_changes else "0 changes")
 
 
 def _cost(result: Mapping[str, Any]) -> str:

@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, Styled
+from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 _AGAIN = "remove the cause, then type the same command again"
 """What to do where whoever failed had no better advice."""
-_STOPPED = "type the same command again to go on"
+_STOP_HINT = "type the same command again to go on"
 _LABEL = 10
 _REASON_LINES = 2
 _LINES = 8
@@ -51,7 +51,7 @@ class DeviceEnd(StrEnum):
 
 ALWAYS = (DeviceEnd.CHANGED, DeviceEnd.UNCHANGED, DeviceEnd.FAILED, DeviceEnd.NOT_REACHED)
 """Counted also where there are none: a zero tells as much as a number."""
-_SEEN = frozenset(DeviceEnd) - {DeviceEnd.NOT_CHECKED, DeviceEnd.NOT_REHEARSED, DeviceEnd.NOT_HANDLED}
+_ACTIVE_ENDS = frozenset(DeviceEnd) - {DeviceEnd.NOT_CHECKED, DeviceEnd.NOT_REHEARSED, DeviceEnd.NOT_HANDLED}
 _BY_STATUS = {
     "changed": DeviceEnd.CHANGED,
     "declared": DeviceEnd.DECLARED,
@@ -76,14 +76,14 @@ def ending(result: Mapping[str, Any]) -> DeviceEnd:
         return DeviceEnd.DIFFERENT if status == "drifted" else DeviceEnd.NOT_PROVED
     if code is ExitCode.FAILED and not result.get("reached", True):
         return DeviceEnd.NOT_REACHED
-    found = _BY_STATUS.get(status, DeviceEnd.FAILED)
-    return found if found in {DeviceEnd.REFUSED, DeviceEnd.ROLLED_BACK} else DeviceEnd.FAILED
+    end = _BY_STATUS.get(status, DeviceEnd.FAILED)
+    return end if end in {DeviceEnd.REFUSED, DeviceEnd.ROLLED_BACK} else DeviceEnd.FAILED
 
 
 def warnings(result: Mapping[str, Any]) -> list[str]:
     """What a person should know of a device that ended well, in words."""
-    found = [words for note in result.get("notes", ()) if (words := str(note).removeprefix("WARN: ")) != note]
-    return [*found, *(str(row["message"]) for row in result.get("drift", ()))]
+    warning_notes = [words for note in result.get("notes", ()) if (words := str(note).removeprefix("WARN: ")) != note]
+    return [*warning_notes, *(str(row["message"]) for row in result.get("drift", ()))]
 
 
 _BAD = {
@@ -116,7 +116,7 @@ class Summary:
     """What the last lines are made of."""
 
     site: str
-    rehearsed: bool
+    is_rehearsal: bool
     purpose: str
     """`plan`, `apply`, `resume`, `backup`: the mode of the run."""
     exit: ExitCode
@@ -142,7 +142,7 @@ class Summary:
         }
 
     @property
-    def warned(self) -> list[str]:
+    def warned_devices(self) -> list[str]:
         """Devices that ended well and have a warning."""
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
@@ -154,20 +154,20 @@ class Summary:
     def _rows(self, width: int, most: int) -> list[Row]:
         """`most`: lines of the reason, and of what to do."""
         style, mark = self._style()
-        verdict = _wrapped(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
-        lines: list[Row] = ["", *(Styled(line, style) for line in verdict)]
-        lines += _labelled("devices", self._counts(), width)
+        verdict = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
+        lines: list[Row] = ["", *(StyledText(line, style) for line in verdict)]
+        lines += _label_lines("devices", self._counts(), width)
         if self.purpose == "plan" and any(self.rows):
-            added, changed, removed = self.rows
-            plan = translate(f"{added} rows to add, {changed} to change, {removed} to remove")
-            lines += _labelled("plan", plan, width)
+            add_count, change_count, remove_count = self.rows
+            plan = translate(f"{add_count} rows to add, {change_count} to change, {remove_count} to remove")
+            lines += _label_lines("plan", plan, width)
         lines += self._look_at(width, most)
         if self.limits:
-            lines += _labelled("limits", translate(_limits(self.limits)), width)
+            lines += _label_lines("limits", translate(_limits(self.limits)), width)
         if self.next_command:
             lines.append(_command(self.next_command))
         if self.record:
-            lines += _labelled("record", self.record, width)
+            lines += _label_lines("record", self.record, width)
         return lines
 
     def verdict(self) -> str:
@@ -188,7 +188,7 @@ class Summary:
     def _after_a_stop(self) -> str:
         if self.purpose == "plan":
             return "nothing was changed"
-        if self.rehearsed:
+        if self.is_rehearsal:
             return "only emulated devices were changed"
         if DeviceEnd.UNKNOWN in self.endings.values():
             return "what a device holds now is not known"
@@ -196,16 +196,16 @@ class Summary:
 
     def _good(self) -> tuple[str, str]:
         how = self.endings.values()
-        whole, in_part, warned, sentence = self._good_words()
-        seen = sum(each in _SEEN for each in how)
-        if seen < len(how):
-            return in_part, f"{seen} of {_devices(len(how))} took part; {sentence}"
-        return warned if self.warned else whole, sentence
+        whole, in_part, warning_text, sentence = self._good_words()
+        active_count = sum(each in _ACTIVE_ENDS for each in how)
+        if active_count < len(how):
+            return in_part, f"{active_count} of {_devices(len(how))} took part; {sentence}"
+        return warning_text if self.warned_devices else whole, sentence
 
     def _good_words(self) -> tuple[str, str, str, str]:
         """The word for the whole, for a part and for a whole with warnings, and the sentence."""
         how = set(self.endings.values())
-        if self.rehearsed and self.purpose != "plan":
+        if self.is_rehearsal and self.purpose != "plan":
             words = ("REHEARSED", "REHEARSED IN PART", "REHEARSED, WITH WARNINGS")
             return *words, self._rehearsed_words()
         if self.purpose == "backup":
@@ -231,15 +231,15 @@ class Summary:
 
     def _bad(self) -> tuple[str, str]:
         worst = self.endings.get(self._worst(), DeviceEnd.NOT_CHECKED)
-        named = [device for device, how in self.endings.items() if how is worst]
+        devices = [device for device, how in self.endings.items() if how is worst]
         word, single, several = _BAD[worst]
-        return word, single.format(device=named[0]) if len(named) == 1 else several.format(count=len(named))
+        return word, single.format(device=devices[0]) if len(devices) == 1 else several.format(count=len(devices))
 
     def _style(self) -> tuple[Style, str]:
         """Colour and symbol of the verdict: green only where every device was seen and none has a warning."""
         if self.exit is ExitCode.DONE and not self.stopped_by:
-            whole = all(how in _SEEN for how in self.endings.values())
-            return (Style.GOOD, "[OK]") if whole and not self.warned else (Style.WARNING, "[!]")
+            whole = all(how in _ACTIVE_ENDS for how in self.endings.values())
+            return (Style.GOOD, "[OK]") if whole and not self.warned_devices else (Style.WARNING, "[!]")
         if self.exit is ExitCode.CHANGES:
             return Style.TITLE, "[~]"
         if self.stopped_by and not self._worst():
@@ -247,10 +247,10 @@ class Summary:
         return (Style.WARNING, "[?]") if self.exit is ExitCode.UNKNOWN else (Style.BAD, "[FAIL]")
 
     def _counts(self) -> str:
-        counted = Counter(self.endings.values())
-        parts = [translate(f"{counted[how]} {how}") for how in DeviceEnd if how in ALWAYS or counted[how]]
-        if self.warned:
-            parts.append(translate(f"{len(self.warned)} with a warning"))
+        count_by_end = Counter(self.endings.values())
+        parts = [translate(f"{count_by_end[how]} {how}") for how in DeviceEnd if how in ALWAYS or count_by_end[how]]
+        if self.warned_devices:
+            parts.append(translate(f"{len(self.warned_devices)} with a warning"))
         return f"{len(self.endings)}: {', '.join(parts)}"
 
     def _worst(self) -> str:
@@ -268,20 +268,20 @@ class Summary:
         name = self._worst()
         if name:
             result = self.results[name]
-            yield from _labelled("look at", f"{name}: {translate(result['message'])}", width, most)
-            hint = result["hint"] or (_STOPPED if self.stopped_by else _AGAIN)
+            yield from _label_lines("look at", f"{name}: {translate(result['message'])}", width, most)
+            hint = result["hint"] or (_STOP_HINT if self.stopped_by else _AGAIN)
             yield from _advice(translate(hint), width, most)
         elif self.stopped_by:
-            yield from _advice(translate(_STOPPED), width, most)
-        elif self.warned:
-            first = self.warned[0]
+            yield from _advice(translate(_STOP_HINT), width, most)
+        elif self.warned_devices:
+            first = self.warned_devices[0]
             words = translate(warnings(self.results[first])[0])
             words = words if first in words else f"{first}: {words}"
-            yield from _labelled("look at", words, width, most)
+            yield from _label_lines("look at", words, width, most)
         else:
             for device, (how, why) in self.unseen.items():
                 words = f"{translate(how.value)}: {translate(why)}" if why else translate(how.value)
-                yield from _labelled("look at", f"{device}: {words}", width, most)
+                yield from _label_lines("look at", f"{device}: {words}", width, most)
                 return
 
 
@@ -303,30 +303,30 @@ def _limits(number: int) -> str:
     return f"{number} things are not rehearsed: `--verbose` and the record list them"
 
 
-def _wrapped(text: str, width: int, indent: int) -> list[str]:
+def _wrap(text: str, width: int, indent: int) -> list[str]:
     """Lines of at most `width` columns; a word that is longer stays whole, so that it can be copied."""
     return textwrap.wrap(
         text, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False
     ) or [""]
 
 
-def _labelled(label: str, text: str, width: int, most: int = 0) -> Iterator[Row]:
+def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[Row]:
     """Lines behind a label; of a reason only the first ones, the whole stands above."""
     room = max(width - _LABEL, 20)
-    lines = _wrapped(re.sub(r"\s+", " ", text).strip(), room, 0)
+    lines = _wrap(re.sub(r"\s+", " ", text).strip(), room, 0)
     if most and len(lines) > most:
         lines = [*lines[: most - 1], _cut(lines[most - 1], room)]
     for place, line in enumerate(lines):
         yield _label("" if place else label), line
 
 
-def _command(typed: str) -> Row:
+def _command(command: str) -> Row:
     """What to type next, on one line however long it is: a command with a line end in it cannot be copied."""
-    return _label("next"), typed
+    return _label("next"), command
 
 
-def _label(label: str) -> Styled:
-    return Styled(f"{translate(label) if label else '':<{_LABEL - 1}} ", Style.QUIET)
+def _label(label: str) -> StyledText:
+    return StyledText(f"{translate(label) if label else '':<{_LABEL - 1}} ", Style.QUIET)
 
 
 _COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
@@ -336,13 +336,13 @@ def _advice(hint: str, width: int, most: int) -> Iterator[Row]:
     """What to do; a command in it that would be cut off stands on a line of its own, so that it can be typed."""
     text = re.sub(r"\s+", " ", hint).strip()
     command = _COMMAND.search(text)
-    whole = sum(1 for _ in _labelled("do", text, width)) <= most
+    whole = sum(1 for _ in _label_lines("do", text, width)) <= most
     if whole or command is None:
-        yield from _labelled("do", text, width, most)
+        yield from _label_lines("do", text, width, most)
         return
     before = text[: command.start()].rstrip(" ,;:`")
     if before:
-        yield from _labelled("do", f"{before}:", width, most)
+        yield from _label_lines("do", f"{before}:", width, most)
     yield _command(command[1])
 
 
@@ -352,19 +352,19 @@ def _cut(line: str, room: int) -> str:
 
 def rows_of_plan(results: Iterable[Mapping[str, Any]]) -> tuple[int, int, int]:
     """Rows to add, to change and to remove in the plans of these results; a computer names changes, not rows."""
-    added = changed = removed = 0
+    add_count = change_count = remove_count = 0
     for result in results:
         if "changes" in result:
-            changed += int(result["planned"])
+            change_count += int(result["planned"])
             continue
-        signed = [line for line in result["diff"].split("\n") if line.startswith(("+ ", "- "))]
-        pairs = _pairs(signed)
-        changed += pairs
-        added += sum(line.startswith("+ ") for line in signed) - pairs
-        removed += sum(line.startswith("- ") for line in signed) - pairs
-    return added, changed, removed
+        diff_lines = [line for line in result["diff"].split("\n") if line.startswith(("+ ", "- "))]
+        pairs = _pairs(diff_lines)
+        change_count += pairs
+        add_count += sum(line.startswith("+ ") for line in diff_lines) - pairs
+        remove_count += sum(line.startswith("- ") for line in diff_lines) - pairs
+    return add_count, change_count, remove_count
 
 
-def _pairs(signed: Sequence[str]) -> int:
+def _pairs(diff_lines: Sequence[str]) -> int:
     """An old line with the new one of the same row right below it: that row changes in place."""
-    return sum(old.startswith("- set") and new.startswith("+ set") for old, new in pairwise(signed))
+    return sum(old.startswith("- set") and new.startswith("+ set") for old, new in pairwise(diff_lines))

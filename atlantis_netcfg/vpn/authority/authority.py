@@ -33,10 +33,16 @@ from atlantis_netcfg.vpn.authority.ledger_session import (
     sign_crl,
     sign_head,
 )
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, Lock, NoAuthority, SessionObservation, os_errors_as
+from atlantis_netcfg.vpn.authority.model import (
+    CorruptAuthorityError,
+    Lock,
+    NoAuthority,
+    SessionObservation,
+    os_errors_as,
+)
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
-from atlantis_netcfg.vpn.ledger.records import Founded, Resealed
+from atlantis_netcfg.vpn.ledger.records import FoundingRecord, ResealRecord
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -62,7 +68,7 @@ def require_authority(folder: Path) -> None:
         with os_errors_as("the authority cannot be read"):
             hold_own(folder, _OWN_FOLDER_HINT)
         return
-    _unfinished(folder)
+    _check_leftovers(folder)
     raise NoAuthority(
         f"there is no authority in {folder}", hint="`provision vpn init` makes one; `authority=DIR` names it"
     )
@@ -96,62 +102,62 @@ def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
 
 
 def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
-    _unfinished(folder)
+    _check_leftovers(folder)
     now = ledger.utc_now()
     # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
     ca = pki.new_ca(f"ATLANTIS VPN {secrets.token_hex(4)}", now)
-    server, issued = new_server_certificate(ca, names, now)
-    crl, published = sign_crl(ca, (), 1, now)
-    written = {
-        model.SEALED[sealing]: seal_ca_key(pki.key_pem(ca.key), passphrase, sealing),
+    server, server_record = new_server_certificate(ca, names, now)
+    crl, crl_record = sign_crl(ca, (), 1, now)
+    files = {
+        model.SEALED_KEY_FILES[sealing]: seal_ca_key(pki.key_pem(ca.key), passphrase, sealing),
         model.CA: pki.cert_pem(ca.certificate).encode(),
         **server,
         model.TLS_CRYPT_V2: pki.server_key().reveal().encode(),
         model.TLS_CRYPT: pki.shared_key().reveal().encode(),
         model.CRL: crl,
     }
-    founded = Founded(
+    founding_record = FoundingRecord(
         ca_common_name=ca.certificate.subject.rfc4514_string().removeprefix("CN="),
         ca_sha256=pki.sha256(ca.certificate),
         ca_not_after=ca.certificate.not_valid_after_utc,
         sealed_by=sealing,
         heads=True,
     )
-    lines = ledger.first_lines([founded, issued, published], who, new_operation(), now)
+    lines = ledger.first_lines([founding_record, server_record, crl_record], who, new_operation(), now)
     digests = [ledger.digest(line) for line in lines.splitlines()]
-    written[HEAD_FILE] = new_head(ca, len(digests), digests[-1], now)
+    files[HEAD_FILE] = new_head(ca, len(digests), digests[-1], now)
     with os_errors_as("the authority cannot be made"):
         write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
-        for other in model.SEALED.values():
+        for other in model.SEALED_KEY_FILES.values():
             (folder / other).unlink(missing_ok=True)
         model.folders(folder)
-        for name, data in written.items():
+        for name, data in files.items():
             write_atomically(folder / name, data)
         write_atomically(folder / ledger.FILE, lines)
 
 
-def _unfinished(folder: Path) -> None:
+def _check_leftovers(folder: Path) -> None:
     """Raise AuthorityDamaged if what is there is not what a killed `init` left."""
-    if not (folder / UNFINISHED_MARK).exists() and (left := _remains(folder)):
-        raise AuthorityDamaged(
-            f"{folder} has {left}, but not the ledger: nothing can be issued or revoked without it",
+    if not (folder / UNFINISHED_MARK).exists() and (leftovers := _remains(folder)):
+        raise CorruptAuthorityError(
+            f"{folder} has {leftovers}, but not the ledger: nothing can be issued or revoked without it",
             hint=f"restore {ledger.FILE} from your backup of the authority",
         )
 
 
 def _remains(folder: Path) -> str | None:
     """What only an authority has, if the folder has it."""
-    kept = (model.CA, model.CRL, *model.SEALED.values())
-    found = [name for name in kept if (folder / name).exists()]
-    return ", ".join(found) or None
+    names = (model.CA, model.CRL, *model.SEALED_KEY_FILES.values())
+    present_names = [name for name in names if (folder / name).exists()]
+    return ", ".join(present_names) or None
 
 
 def _same_names(folder: Path, names: ServerNames) -> None:
     server = ledger.LedgerState(ledger.read(folder / ledger.FILE).sound().entries).server
     if server is None or names_of(server) != names:
-        made = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
+        server_text = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
         raise UsageError(
-            f"there is an authority in {folder} already, whose server is {made}: it is not overwritten",
+            f"there is an authority in {folder} already, whose server is {server_text}: it is not overwritten",
             hint="name another folder: authority=DIR",
         )
 
@@ -161,20 +167,24 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
     require_authority(folder)
     with os_errors_as("the certificate authority cannot be read"):
         certificate = (folder / model.CA).read_text(encoding="ascii")
-        found = {
-            sealing: (folder / name).read_bytes() for sealing, name in model.SEALED.items() if (folder / name).exists()
+        sealed_files = {
+            sealing: (folder / name).read_bytes()
+            for sealing, name in model.SEALED_KEY_FILES.items()
+            if (folder / name).exists()
         }
-    if not found:
-        raise AuthorityDamaged(f"the CA key is missing in {folder}", hint="restore it from a backup of the authority")
+    if not sealed_files:
+        raise CorruptAuthorityError(
+            f"the CA key is missing in {folder}", hint="restore it from a backup of the authority"
+        )
     wrong: Exception | None = None
     # Two lie there after a change of the seal that was killed at its end: either passphrase opens its own.
-    for sealing, data in found.items():
+    for sealing, data in sealed_files.items():
         try:
-            opened = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
-        except (pki.WrongPassphrase, pki.SealDamaged, pki.SealTooLarge) as error:
+            pem = pki.unseal(data, passphrase) if sealing == "age" else pki.vault_unseal(data, passphrase)
+        except (pki.WrongPassphrase, pki.CorruptSealError, pki.SealTooLarge) as error:
             wrong = error
         else:
-            return pki.load_ca(certificate, Secret(opened.decode("ascii")))
+            return pki.load_ca(certificate, Secret(pem.decode("ascii")))
     assert wrong is not None  # noqa: S101 - there was one to open
     raise wrong
 
@@ -188,15 +198,15 @@ def reseal_ca(
         ca = unseal_ca(folder, old)
     except pki.WrongPassphrase:
         # The repeat of a command that was killed at its end: done, if the new one opens it.
-        if not (folder / model.SEALED[sealing]).exists():
+        if not (folder / model.SEALED_KEY_FILES[sealing]).exists():
             raise
         ca = unseal_ca(folder, new)
     read_head(folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
     data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
-    ledger_session.write([Resealed(sealed_by=sealing)], new_operation())
+    ledger_session.write([ResealRecord(sealed_by=sealing)], new_operation())
     with os_errors_as("the CA key cannot be written"):
-        write_atomically(folder / model.SEALED[sealing], data)
-        for other, name in model.SEALED.items():
+        write_atomically(folder / model.SEALED_KEY_FILES[sealing], data)
+        for other, name in model.SEALED_KEY_FILES.items():
             if other != sealing:
                 model.forget(folder / name)
     return ca
@@ -220,9 +230,9 @@ def observe_sessions(
             for certificate in member.certificates
             if _after_its_end(certificate, sightings.get(certificate.common_name))
         )
-    superseded = tuple(item.common_name for item in new if isinstance(item, records.Superseded))
+    superseded_names = tuple(item.common_name for item in new if isinstance(item, records.SupersedeRecord))
     strangers = tuple(name for name in sightings if name not in state.issued)
-    return new, SessionObservation(superseded, strangers, tuple(withdrawn))
+    return new, SessionObservation(superseded_names, strangers, tuple(withdrawn))
 
 
 def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
@@ -230,14 +240,14 @@ def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[re
     for item in good:
         last = sightings.get(item.common_name)
         if last is not None and (item.seen is None or last - item.seen >= _DAY):
-            yield records.Seen(common_name=item.common_name, last=last)
+            yield records.SightingRecord(common_name=item.common_name, last=last)
     in_use = [
         number
         for number, certificate in enumerate(good)
         if certificate.common_name in sightings or certificate.seen is not None
     ]
     for old in good[: max(in_use, default=0)]:
-        yield records.Superseded(common_name=old.common_name, by=good[max(in_use)].common_name)
+        yield records.SupersedeRecord(common_name=old.common_name, by=good[max(in_use)].common_name)
 
 
 def _after_its_end(certificate: Certificate, last: datetime | None) -> bool:
@@ -287,16 +297,16 @@ class Authority:
         """What the server's certificate is made out to. Raises LedgerDamaged."""
         server = self._state().server
         if server is None:
-            raise AuthorityDamaged("the ledger names no server", hint="restore the ledger from a backup")
+            raise CorruptAuthorityError("the ledger names no server", hint="restore the ledger from a backup")
         return names_of(server)
 
     def opening_bytes(self) -> int:
         """Memory that opening the CA key takes; 0: none to speak of."""
         with os_errors_as("the CA key cannot be read"):
-            path = self.folder / model.SEALED["age"]
+            path = self.folder / model.SEALED_KEY_FILES["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
-    def handed_out(self, common_name: str) -> records.Delivered | None:
+    def handed_out(self, common_name: str) -> records.DeliveryRecord | None:
         """What was recorded last of a certificate's file; None: it was never handed out. Raises LedgerDamaged."""
         return self._state().delivered.get(common_name)
 
@@ -310,7 +320,7 @@ class Authority:
             ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
         if facts.sha256 != self.membership().crl_sha256:
-            raise AuthorityDamaged(
+            raise CorruptAuthorityError(
                 f"{model.CRL} (number {facts.number}) is not the list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
             )
@@ -331,7 +341,7 @@ class Authority:
         return agreement(self.folder)
 
     @contextmanager
-    def unlocked(
+    def unlock(
         self,
         passphrase: Callable[[], Secret],
         who: str,
@@ -354,18 +364,18 @@ class Authority:
     def _signing(
         self, ca: pki.Ca, who: str, *, waiting: Callable[[str], None] | None = None, trust_clock: bool = False
     ) -> Iterator[Signer]:
-        with self._writing(who, waiting) as (ledger_session, left):
+        with self._writing(who, waiting) as (ledger_session, was_killed):
             if ledger_session.state.founded is None or ledger_session.state.founded.ca_sha256 != pki.sha256(
                 ca.certificate
             ):
-                raise AuthorityDamaged(
+                raise CorruptAuthorityError(
                     f"{model.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
             read_head(self.folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
-            ledger_session.check_clock(trusted=trust_clock)
+            ledger_session.check_clock(is_trusted=trust_clock)
             session = SigningSession(self.folder, ledger_session, ca)
-            session.recover(left=left)
+            session.recover(was_killed=was_killed)
             try:
                 yield Signer(session)
             except BaseException:
@@ -382,7 +392,7 @@ class Authority:
             lock = exit_stack.enter_context(Lock(self.folder, who or _me(), waiting))
             yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
 
-    def seen(self, sightings: Mapping[str, datetime], who: str = "") -> SessionObservation:
+    def record_sessions(self, sightings: Mapping[str, datetime], who: str = "") -> SessionObservation:
         """Record which common names the server had sessions of, and when last; an older certificate is superseded.
 
         Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
@@ -394,16 +404,16 @@ class Authority:
             ledger_session.write(new, new_operation())
         return answer
 
-    def settled(self, common_names: Iterable[str], who: str = "") -> None:
+    def confirm_revocations(self, common_names: Iterable[str], who: str = "") -> None:
         """Record that the server confirmed: these revoked certificates have no session and get none."""
-        desired = set(common_names)
-        if not desired.intersection(self.membership().queued):
+        name_set = set(common_names)
+        if not name_set.intersection(self.membership().queued_names):
             return
         with self._writing(who) as (ledger_session, _):
-            out = [entry for entry in ledger_session.state.membership().queued if entry in desired]
-            ledger_session.write([records.Settled(common_name=item) for item in out], new_operation())
+            out = [entry for entry in ledger_session.state.membership().queued_names if entry in name_set]
+            ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
 
-    def delivered(self, common_name: str, delivered: HandoutFile, who: str = "") -> None:
+    def record_delivery(self, common_name: str, file: HandoutFile, who: str = "") -> None:
         """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
         with self._writing(who) as (ledger_session, _):
             good = {
@@ -416,7 +426,7 @@ class Authority:
                     f"`{ascii(common_name)[1:-1][:70]}` is no certificate in use",
                     hint="`provision vpn list` lists them all",
                 )
-            record = records.Delivered(common_name=common_name, path=delivered.path, sha256=delivered.sha256)
+            record = records.DeliveryRecord(common_name=common_name, path=file.path, sha256=file.sha256)
             ledger_session.write([record], new_operation())
 
     def reseal(self, old: Secret, new: Secret, who: str, sealed_by: Sealing = "age") -> None:

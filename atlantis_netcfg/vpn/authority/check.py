@@ -25,8 +25,8 @@ SOON = timedelta(days=30)
 """Before a list or a certificate ends."""
 CA_SOON = timedelta(days=365)
 """Before the CA ends: a new one means new files for everybody."""
-_PRIVATE = (*model.SEALED.values(), ledger.FILE, model.SERVER_KEY, model.TLS_CRYPT, model.TLS_CRYPT_V2)
-_WITHOUT_KEY = (records.Seen, records.Superseded, records.Settled, records.Delivered)
+_PRIVATE = (*model.SEALED_KEY_FILES.values(), ledger.FILE, model.SERVER_KEY, model.TLS_CRYPT, model.TLS_CRYPT_V2)
+_WITHOUT_KEY = (records.SightingRecord, records.SupersedeRecord, records.SettlementRecord, records.DeliveryRecord)
 """What is recorded while the CA key is sealed."""
 
 
@@ -35,7 +35,7 @@ class Agreement:
     """What was compared, and what does not agree."""
 
     lines: int
-    signed: int
+    signed_lines: int
     """So many of the first lines are as they were signed; the others are chained to them."""
     at: datetime | None
     """When they were signed; None: nothing says that they were."""
@@ -47,7 +47,7 @@ class Agreement:
 def problems(folder: Path, now: datetime) -> Iterator[str]:
     """What a person has to look at."""
     try:
-        reading, state, ca = _opened(folder)
+        reading, state, ca = _load_authority(folder)
     except (NetcfgError, OSError, ValueError) as error:
         yield f"the authority in {folder} cannot be read: {error}"
         return
@@ -62,15 +62,15 @@ def problems(folder: Path, now: datetime) -> Iterator[str]:
 def agreement(folder: Path) -> Agreement:
     """Compare the record with its signature, the certificates and the list. Raises LedgerDamaged, AuthorityFailed."""
     with os_errors_as("the authority cannot be read"):
-        reading, state, ca = _opened(folder)
+        reading, state, ca = _load_authority(folder)
     reading.sound()
     head = _head(folder, reading, state, ca)
-    signed, at = (head.line, head.at) if isinstance(head, Head) and head.line else (0, None)
-    found = tuple(_disagreements(folder, reading, state, ca, head))
-    return Agreement(len(reading.entries), signed, at, state.membership().crl_number, found)
+    signed_lines, at = (head.line, head.at) if isinstance(head, Head) and head.line else (0, None)
+    problem_list = tuple(_disagreements(folder, reading, state, ca, head))
+    return Agreement(len(reading.entries), signed_lines, at, state.membership().crl_number, problem_list)
 
 
-def _opened(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
+def _load_authority(folder: Path) -> tuple[Reading, LedgerState, x509.Certificate]:
     reading = ledger.read(folder / ledger.FILE)
     return reading, ledger.LedgerState(reading.entries), pki.load_cert((folder / model.CA).read_text(encoding="ascii"))
 
@@ -103,8 +103,8 @@ def _disagreements(
     elif head is not None and head.line == 0:
         yield NONE_SIGNED
     elif head is not None:
-        yield from _unsigned(folder, reading, state, head)
-    yield from _unfinished(folder, state)
+        yield from _check_unsigned_lines(folder, reading, state, head)
+    yield from _check_unfinished(folder, state)
     yield from _times(reading.entries)
     yield from _server(folder, state)
     yield from _certificates(state, ca)
@@ -112,7 +112,7 @@ def _disagreements(
     yield from _list(folder, state, ca)
 
 
-def _unsigned(folder: Path, reading: Reading, state: LedgerState, head: Head) -> Iterator[str]:
+def _check_unsigned_lines(folder: Path, reading: Reading, state: LedgerState, head: Head) -> Iterator[str]:
     """Lines after the head that only a command with the CA key writes."""
     # A command that runs, or was killed, has lines of its own there.
     if state.open or is_held(folder):
@@ -128,27 +128,27 @@ def _unsigned(folder: Path, reading: Reading, state: LedgerState, head: Head) ->
 def _certificates(state: LedgerState, ca: x509.Certificate) -> Iterator[str]:
     for item in state.issued.values():
         try:
-            made = pki.load_cert(model.copy_of(item).decode("ascii"))
+            certificate = pki.load_cert(model.copy_of(item).decode("ascii"))
         except NetcfgError:
             yield f"the certificate of {item.common_name} in the ledger is none"
             continue
         reply = (item.serial, item.sha256, item.not_before, item.not_after, f"CN={item.common_name}")
-        dates = (made.not_valid_before_utc, made.not_valid_after_utc)
-        has = (made.serial_number, pki.sha256(made), *dates, made.subject.rfc4514_string())
-        if reply != has or not pki.issued_by(made, ca):
+        dates = (certificate.not_valid_before_utc, certificate.not_valid_after_utc)
+        has = (certificate.serial_number, pki.sha256(certificate), *dates, certificate.subject.rfc4514_string())
+        if reply != has or not pki.issued_by(certificate, ca):
             yield f"the certificate of {item.common_name} in the ledger is not one that this authority has signed so"
 
 
 def _times(entries: Sequence[LedgerEntry]) -> Iterator[str]:
     for before, after in pairwise(entries):
-        if after.at < before.at and not isinstance(after.record, records.ClockTrusted):
+        if after.at < before.at and not isinstance(after.record, records.ClockTrustRecord):
             yield f"line {after.number} of the ledger is older than the line before it"
 
 
-def _unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
+def _check_unfinished(folder: Path, state: LedgerState) -> Iterator[str]:
     if state.open and not is_held(folder):
         commands = ", ".join(
-            sorted(f"{begun.command} {' '.join(begun.names[:3])}".strip() for begun in state.open.values())
+            sorted(f"{record.command} {' '.join(record.names[:3])}".strip() for record in state.open.values())
         )
         yield f"a command did not end ({commands}): the next one that signs puts it in order"
 
@@ -161,11 +161,11 @@ def _ends(folder: Path, state: LedgerState, ca: x509.Certificate, now: datetime)
     try:
         pem = (folder / model.CRL).read_bytes()
         following = pki.read_crl(pem, ca).next_update
-    except (OSError, pki.CrlRefused):
+    except (OSError, pki.InvalidCrlError):
         return  # which is told as what does not agree
     try:
         pki.check_crl(pem, ca, above=None, now=now)
-    except pki.CrlRefused as error:
+    except pki.InvalidCrlError as error:
         yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
         return
     if following - now < SOON:
@@ -177,7 +177,7 @@ def _server(folder: Path, state: LedgerState) -> Iterator[str]:
         return
     try:
         certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
-    except (pki.KeyDamaged, OSError, ValueError) as error:
+    except (pki.CorruptKeyError, OSError, ValueError) as error:
         yield f"{model.SERVER_CERT} cannot be read: {error}"
         return
     if pki.sha256(certificate) != state.server.sha256:
@@ -185,14 +185,14 @@ def _server(folder: Path, state: LedgerState) -> Iterator[str]:
 
 
 def _copies(folder: Path, state: LedgerState) -> Iterator[str]:
-    known = {f"{name}.pem": model.copy_of(item) for name, item in state.issued.items()}
+    recorded_copies = {f"{name}.pem": model.copy_of(item) for name, item in state.issued.items()}
     there = {path.name: path for path in sorted((folder / model.CERTS).glob("[!.]*"))}
     for name, path in there.items():
-        if name not in known:
+        if name not in recorded_copies:
             yield f"{model.CERTS}/{name} is not in the record: nobody issued it here, or the ledger is an old copy"
-        elif path.read_bytes() != known[name]:
+        elif path.read_bytes() != recorded_copies[name]:
             yield f"{model.CERTS}/{name} is not the certificate that was recorded"
-    for name in known.keys() - there.keys():
+    for name in recorded_copies.keys() - there.keys():
         yield f"{model.CERTS}/{name} is missing; the next command that signs writes it again"
 
 
@@ -202,7 +202,7 @@ def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[st
     except OSError as error:
         yield f"{model.CRL} cannot be read: {error.strerror}"
         return
-    except pki.CrlRefused as error:
+    except pki.InvalidCrlError as error:
         yield f"{model.CRL} would lock everybody out, or admit the revoked: {error}"
         return
     membership = state.membership()
@@ -212,8 +212,8 @@ def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[st
             f"(number {membership.crl_number})"
         )
     serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)}
-    for lost in sorted(serials - facts.serials):
-        yield f"{model.CRL} lacks serial {lost:x}, which is revoked: provision vpn sync --sign"
+    for serial in sorted(serials - facts.serials):
+        yield f"{model.CRL} lacks serial {serial:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):
         yield f"{model.CRL} names serial {more:x}, which the record does not say is revoked: the ledger is an old copy"
 

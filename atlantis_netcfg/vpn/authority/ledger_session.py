@@ -16,10 +16,16 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import model
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind, ServerNames, os_errors_as
+from atlantis_netcfg.vpn.authority.model import ClockBehind, CorruptAuthorityError, ServerNames, os_errors_as
 from atlantis_netcfg.vpn.identity import KeyType, Wrap
 from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, Record, utc_now
-from atlantis_netcfg.vpn.ledger.records import Begun, ClockTrusted, Committed, RolledBack, ServerIssued
+from atlantis_netcfg.vpn.ledger.records import (
+    BeginRecord,
+    ClockTrustRecord,
+    CommitRecord,
+    RolledBack,
+    ServerIssueRecord,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -31,7 +37,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.vpn.authority.model import CRL
 from atlantis_netcfg.vpn.identity import CertificateStatus
-from atlantis_netcfg.vpn.ledger.records import Published
+from atlantis_netcfg.vpn.ledger.records import PublicationRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -67,19 +73,19 @@ class LedgerSession:
         now = utc_now()
         return now if self.state.last is None else max(now, self.state.last)
 
-    def check_clock(self, *, trusted: bool) -> None:
-        """Raise ClockBehind if the clock stands before the last record; `trusted`: record that it is right."""
+    def check_clock(self, *, is_trusted: bool) -> None:
+        """Raise ClockBehind if the clock stands before the last record; `is_trusted`: record that it is right."""
         now, last = utc_now(), self.state.last
         if last is None or now >= last - SLACK:
             return
-        if not trusted:
+        if not is_trusted:
             raise ClockBehind(
                 f"this computer's clock says {now:%Y-%m-%d %H:%M} UTC, and the last record of the authority is of "
                 f"{last:%Y-%m-%d %H:%M} UTC: what is signed now could be refused, or end too early",
                 hint="set the clock, then run the same command again; if the clock is right and was wrong before: "
                 "add clock=right",
             )
-        self._apply([ClockTrusted(before=last)], new_operation(), now)
+        self._apply([ClockTrustRecord(before=last)], new_operation(), now)
 
     def write(self, records: Sequence[Record], operation: str) -> None:
         """Put records on disk, all or none as far as a disk can. Raises LedgerFailed."""
@@ -134,13 +140,13 @@ class Head:
         """Raise AuthorityDamaged unless these lines begin with those that were signed."""
         on = f"{self.at:%Y-%m-%d %H:%M} UTC"
         if len(digests) < self.line:
-            raise AuthorityDamaged(
+            raise CorruptAuthorityError(
                 f"the ledger has {len(digests)} lines, and {self.line} were signed on {on}: its end is missing, or it "
                 "is an old copy",
                 hint=_RESTORE,
             )
         if self.line and digests[self.line - 1] != self.digest:
-            raise AuthorityDamaged(
+            raise CorruptAuthorityError(
                 f"the first {self.line} lines of the ledger are not those that were signed on {on}", hint=_RESTORE
             )
 
@@ -171,7 +177,7 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
         except FileNotFoundError:
             if state.founded is not None and not state.founded.heads:
                 return _NONE
-            raise AuthorityDamaged(
+            raise CorruptAuthorityError(
                 f"{HEAD_FILE} is missing: nothing says how long the ledger was", hint=_RESTORE
             ) from None
     try:
@@ -180,11 +186,11 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
         signature = base64.b64decode(result.pop("signature"), validate=True)
         head = Head(int(result["line"]), str(result["sha256"]), datetime.fromisoformat(result["at"]))
         # Somebody else's CA may have a key of another kind than ours.
-        signed = isinstance(key, pki.PublicKey) and pki.is_signed(key, _text(result), signature) and head.line > 0
+        is_signed = isinstance(key, pki.PublicKey) and pki.is_signed(key, _text(result), signature) and head.line > 0
     except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
-        signed = False
-    if not signed:
-        raise AuthorityDamaged(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
+        is_signed = False
+    if not is_signed:
+        raise CorruptAuthorityError(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
     return head
 
 
@@ -196,13 +202,13 @@ SOON = timedelta(days=90)
 """With less than this until its end, whoever asks for a new one gets it."""
 
 
-def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssued]:
+def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssueRecord]:
     """A key and a certificate as files, and their record."""
     key = pki.new_key(KeyType.EC)
     certificate = pki.new_server(
         ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
     )
-    record = ServerIssued(
+    record = ServerIssueRecord(
         common_name=names.common_name,
         dns=names.dns,
         addresses=names.addresses,
@@ -211,29 +217,29 @@ def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tup
         not_before=certificate.not_valid_before_utc,
         not_after=certificate.not_valid_after_utc,
     )
-    written = {
+    files = {
         model.SERVER_KEY: pki.key_pem(key).reveal().encode(),
         model.SERVER_CERT: pki.cert_pem(certificate).encode(),
     }
-    return written, record
+    return files, record
 
 
-def names_of(record: ServerIssued) -> ServerNames:
+def names_of(record: ServerIssueRecord) -> ServerNames:
     """The names that it is issued for."""
     return ServerNames(record.common_name, record.dns, record.addresses)
 
 
-def needs_another(record: ServerIssued | None, names: ServerNames, now: datetime) -> bool:
+def needs_another(record: ServerIssueRecord | None, names: ServerNames, now: datetime) -> bool:
     """Whether the one that is recorded is for other names, or ends soon."""
     return record is None or names_of(record) != names or record.not_after - now < SOON
 
 
-def is_sound(folder: Path, record: ServerIssued) -> bool:
+def is_sound(folder: Path, record: ServerIssueRecord) -> bool:
     """Whether the files are the recorded certificate and its key: they are written one after the other."""
     try:
         certificate = pki.load_cert((folder / model.SERVER_CERT).read_text(encoding="ascii"))
         key = pki.load_key(Secret((folder / model.SERVER_KEY).read_text(encoding="ascii")))
-    except (FileNotFoundError, ValueError, pki.KeyDamaged):
+    except (FileNotFoundError, ValueError, pki.CorruptKeyError):
         return False
     return pki.sha256(certificate) == record.sha256 and certificate.public_key() == key.public_key()
 
@@ -257,7 +263,7 @@ class SigningSession:
     def wrap_key(self, wrap: Wrap, common_name: str) -> Secret:
         """Key of a member's control channel."""
         if wrap is Wrap.TLS_CRYPT:
-            return self._shared
+            return self._shared_key
         return pki.client_key(self._server, f"cn={common_name}".encode())
 
     def publish(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
@@ -267,20 +273,20 @@ class SigningSession:
     def serve(self, names: ServerNames) -> None:
         """Make the server a new key and certificate."""
         operation = new_operation()
-        written, record = new_server_certificate(self.ca, names, self.ledger.now())
-        self.ledger.write([Begun(command="serve"), record], operation)
+        files, record = new_server_certificate(self.ca, names, self.ledger.now())
+        self.ledger.write([BeginRecord(command="serve"), record], operation)
         with os_errors_as("the server's certificate cannot be written"):
-            for name, data in written.items():
+            for name, data in files.items():
                 write_atomically(self.folder / name, data)
-        self.ledger.write([Committed()], operation)
+        self.ledger.write([CommitRecord()], operation)
 
-    def recover(self, *, left: bool) -> None:
-        """Finish or withdraw what commands before this one left; `left`: the last one was killed.
+    def recover(self, *, was_killed: bool) -> None:
+        """Finish or withdraw what commands before this one left; `was_killed`: the last one was killed.
 
         What is wrong is found by looking, not by remembering: this may be killed as well.
         """
         with os_errors_as("the authority cannot be put in order"):
-            if left or self.ledger.state.open:
+            if was_killed or self.ledger.state.open:
                 model.sweep(self.folder)
             model.folders(self.folder)
             for operation in tuple(self.ledger.state.open):
@@ -293,18 +299,18 @@ class SigningSession:
         if is_crl_due(self.folder, self.ledger, self.ca):
             self.publish(new_operation())
 
-    def _end(self, operation: str) -> Committed | RolledBack:
+    def _end(self, operation: str) -> CommitRecord | RolledBack:
         state = self.ledger.state
-        lost = tuple(name for name, of in state.pending.items() if of == operation)
+        withdrawn_names = tuple(name for name, of in state.pending.items() if of == operation)
         whole = state.done[operation].issuperset(state.open[operation].names)
-        return Committed() if whole and not lost else RolledBack(common_names=lost)
+        return CommitRecord() if whole and not withdrawn_names else RolledBack(common_names=withdrawn_names)
 
     @cached_property
     def _server(self) -> Secret:
         return self._secret(model.TLS_CRYPT_V2)
 
     @cached_property
-    def _shared(self) -> Secret:
+    def _shared_key(self) -> Secret:
         return self._secret(model.TLS_CRYPT)
 
     def _secret(self, name: str) -> Secret:
@@ -312,7 +318,7 @@ class SigningSession:
             return Secret((self.folder / name).read_text(encoding="ascii"))
 
 
-BACKDATED = timedelta(days=1)
+CRL_BACKDATE = timedelta(days=1)
 """A server whose clock is behind ours would refuse everybody with a list that is not valid yet (facts 4)."""
 
 
@@ -330,13 +336,15 @@ def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:
     return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in state.taken.items())]
 
 
-def sign_crl(ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime) -> tuple[bytes, Published]:
+def sign_crl(
+    ca: pki.Ca, lines: Iterable[pki.RevokedSerial], number: int, now: datetime
+) -> tuple[bytes, PublicationRecord]:
     """A list with its record. Raises CrlRefused: never one that a server could not have now."""
-    back = max(now - BACKDATED, ca.certificate.not_valid_before_utc)
-    pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + BACKDATED.days)
+    back = max(now - CRL_BACKDATE, ca.certificate.not_valid_before_utc)
+    pem = pki.new_crl(ca, lines, number, back, pki.CRL_DAYS + CRL_BACKDATE.days)
     facts = pki.check_crl(pem, ca.certificate, above=number - 1, now=now)
     current = len(facts.serials)
-    return pem, Published(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=current)
+    return pem, PublicationRecord(number=number, sha256=facts.sha256, next_update=facts.next_update, revoked=current)
 
 
 def publish_crl(
@@ -348,8 +356,10 @@ def publish_crl(
     above = max(membership.crl_number, *(crl_facts.number for crl_facts in before), 0)
     lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked_serials(ledger_session.state)}
     # What is on a list of before stays: a ledger from an older backup lets nobody back in.
-    kept = {serial: pki.RevokedSerial(serial, item.this_update) for item in before for serial in sorted(item.serials)}
-    pem, record = sign_crl(ca, (kept | lines).values(), above + 1, now)
+    earlier_serials = {
+        serial: pki.RevokedSerial(serial, item.this_update) for item in before for serial in sorted(item.serials)
+    }
+    pem, record = sign_crl(ca, (earlier_serials | lines).values(), above + 1, now)
     ledger_session.write([record], operation)
     with os_errors_as("the revocation list cannot be written"):
         pki.publish(path, pem, ca.certificate, above=above, now=now)
@@ -361,7 +371,7 @@ def is_crl_due(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> bool:
     membership, now = ledger_session.state.membership(), ledger_session.now()
     try:
         facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
-    except (OSError, pki.CrlRefused):
+    except (OSError, pki.InvalidCrlError):
         return True
     serials = frozenset(revoked_serial.serial for revoked_serial in revoked_serials(ledger_session.state))
     return facts.sha256 != membership.crl_sha256 or not serials <= facts.serials or facts.next_update - now < FRESH
@@ -371,22 +381,24 @@ def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: b
     """What a list that a server has says beyond the record, in words; None: nothing, or it is not of this CA."""
     try:
         there = pki.read_crl(pem, ca)
-    except pki.CrlRefused:
+    except pki.InvalidCrlError:
         return None
     membership, here = state.membership(), _in_place(folder / CRL, ca)
-    known = {revoked_serial.serial for revoked_serial in revoked_serials(state)} | (
+    known_serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)} | (
         here.serials if here is not None else frozenset()
     )
-    lost = there.serials - known
-    if there.sha256 == membership.crl_sha256 or (there.number < membership.crl_number and not lost):
+    unknown_serials = there.serials - known_serials
+    if there.sha256 == membership.crl_sha256 or (there.number < membership.crl_number and not unknown_serials):
         return None
-    good = sorted(certificate.common_name for _, certificate in membership.certificates() if certificate.serial in lost)
+    good = sorted(
+        certificate.common_name for _, certificate in membership.certificates() if certificate.serial in unknown_serials
+    )
     last = membership.crl_number
     text = f"its list of revoked certificates is number {there.number}, and the record's last one is {last}"
     if there.number == last:
         text = f"its list of revoked certificates is number {there.number} as the record's last one, and another one"
     more = [f"it revokes {', '.join(good)}"] if good else []
-    if strange := len(lost) - len(good):
+    if strange := len(unknown_serials) - len(good):
         more.append(f"it revokes {strange} that the record has never issued")
     return "; ".join([text, *more])
 
@@ -395,5 +407,5 @@ def _in_place(path: Path, ca: x509.Certificate) -> pki.CrlFacts | None:
     """The list of ours that is there, also an expired one."""
     try:
         return pki.read_crl(path.read_bytes(), ca)
-    except (OSError, pki.CrlRefused):
+    except (OSError, pki.InvalidCrlError):
         return None

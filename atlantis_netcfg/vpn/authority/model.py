@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.inventory.model import RosDistribution
-    from atlantis_netcfg.vpn.ledger.records import Issued
+    from atlantis_netcfg.vpn.ledger.records import IssueRecord
 
 
 CLIENT_DAYS = 397
@@ -95,10 +95,10 @@ class IssueResult:
 
     member: Member
     certificate: Certificate
-    delivered: HandoutFile
+    file: HandoutFile
     already: bool = False
     """It was so before: nothing new was made."""
-    replaced: tuple[str, ...] = ()
+    replaced_names: tuple[str, ...] = ()
     """Common names that this one takes the place of, revoked because they were never seen in use."""
 
 
@@ -119,7 +119,7 @@ class RevocationResult:
 class SessionObservation:
     """What the server's sessions mean for the record."""
 
-    superseded: tuple[str, ...]
+    superseded_names: tuple[str, ...]
     """Common names that are admitted no more from now on, because a successor was seen."""
     strangers: tuple[str, ...]
     """Common names that are not in the record."""
@@ -153,13 +153,13 @@ class AuthorityBusy(NetcfgError):
     exit = ExitCode.FAILED
 
 
-class AuthorityFailed(NetcfgError):
+class AuthorityError(NetcfgError):
     """A file could not be written: what is recorded stands, and the same command again goes on from there."""
 
     exit = ExitCode.FAILED
 
 
-class AuthorityDamaged(NetcfgError):
+class CorruptAuthorityError(NetcfgError):
     """The folder is not what its record says: nothing is signed before a person has looked."""
 
     exit = ExitCode.FAILED
@@ -178,14 +178,14 @@ def os_errors_as(what: str) -> Iterator[None]:
         yield
     except OSError as error:
         where = f" ({error.filename})" if error.filename else ""
-        raise AuthorityFailed(
+        raise AuthorityError(
             f"{what}: {error.strerror or error}{where}",
             hint="make room on the disk or correct its permissions, then run the same command again",
         ) from error
 
 
 CA = "ca.crt"
-SEALED = {"age": "ca.key.age", "vault": "ca.key.vault"}
+SEALED_KEY_FILES = {"age": "ca.key.age", "vault": "ca.key.vault"}
 CRL = "crl.pem"
 CERTS = "certs"
 SERVER = "server"
@@ -201,15 +201,15 @@ def folders(folder: Path) -> None:
         (folder / name).mkdir(mode=0o700, exist_ok=True)
 
 
-def copy_of(issued: Issued) -> bytes:
+def copy_of(record: IssueRecord) -> bytes:
     """The certificate as `certs/` has it, PEM."""
-    rows = "\n".join(issued.der[start : start + 64] for start in range(0, len(issued.der), 64))
+    rows = "\n".join(record.der[start : start + 64] for start in range(0, len(record.der), 64))
     return f"-----BEGIN CERTIFICATE-----\n{rows}\n-----END CERTIFICATE-----\n".encode()
 
 
-def restore_copies(folder: Path, issued: Iterable[Issued]) -> None:
+def restore_copies(folder: Path, records: Iterable[IssueRecord]) -> None:
     """Write the certificates of the record that `certs/` lacks, or has otherwise."""
-    for item in issued:
+    for item in records:
         path = folder / CERTS / f"{item.common_name}.pem"
         data = copy_of(item)
         if _read(path) != data:

@@ -56,12 +56,12 @@ class AddressPool:
     left, the one that rests longest first, and never before the server has confirmed that the member is out.
     """
 
-    def __init__(self, membership: MembershipList, reserved: Collection[IPv4Address] = ()) -> None:
-        queued = set(membership.queued)
-        self._used: dict[IPv4Address, str] = dict.fromkeys(reserved, "the declaration")
+    def __init__(self, membership: MembershipList, reserved_addresses: Collection[IPv4Address] = ()) -> None:
+        queued_names = set(membership.queued_names)
+        self._used: dict[IPv4Address, str] = dict.fromkeys(reserved_addresses, "the declaration")
         self._resting: dict[IPv4Address, datetime] = {}
         for member in membership.members.values():
-            since = _out_since(member, queued)
+            since = _out_since(member, queued_names)
             if since is None:
                 self._used[member.address] = f"`{member.name}`"
             else:
@@ -89,13 +89,13 @@ class AddressPool:
         for address in self._fresh.setdefault(pool, iter(pool.hosts())):
             if address not in self._used and address not in self._resting:
                 return self.take(address, pool, name)
-        rested = [item for item in self._resting if item not in self._used and _usable(item, pool)]
-        if not rested:
+        resting_addresses = [item for item in self._resting if item not in self._used and _usable(item, pool)]
+        if not resting_addresses:
             raise PoolFull(
                 f"no address is left for `{name}` in {pool}",
                 hint="declare a larger pool for the partner, or revoke devices that are no longer used",
             )
-        return self.take(min(rested, key=self._resting.__getitem__), pool, name)
+        return self.take(min(resting_addresses, key=self._resting.__getitem__), pool, name)
 
 
 def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
@@ -103,10 +103,10 @@ def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
     return address in pool and address not in ends
 
 
-def _out_since(member: Member, queued: set[str]) -> datetime | None:
+def _out_since(member: Member, queued_names: set[str]) -> datetime | None:
     """When the member was out, as the server confirmed; None while its address is not free."""
     when = [entry.revoked for entry in member.certificates if entry.revoked is not None]
-    current = len(when) < len(member.certificates) or queued.intersection(
+    current = len(when) < len(member.certificates) or queued_names.intersection(
         certificate.common_name for certificate in member.certificates
     )
     waits = all(item.reason == NEVER_HANDED_OUT for item in member.certificates)
@@ -132,24 +132,26 @@ class PlannedCertificate:
 
 
 def plan_issue(
-    membership: MembershipList, requests: Sequence[EnrolmentRequest], reserved: Collection[IPv4Address]
+    membership: MembershipList, requests: Sequence[EnrolmentRequest], reserved_addresses: Collection[IPv4Address]
 ) -> list[PlannedCertificate | Member]:
     """What to make for each request, in their order; a Member where there is nothing to make. Raises UsageError."""
-    addresses = AddressPool(membership, reserved)
-    found = [_found(membership, request) for request in requests]
+    addresses = AddressPool(membership, reserved_addresses)
+    members = [_find_member(membership, request) for request in requests]
     _refuse_repeated([request.name for request in requests])
     # Declared addresses first: none of the others may get one of them.
-    for member in found:
+    for member in members:
         if member is not None and not member.good:
             addresses.free(member)
-    taken = {
+    address_by_name = {
         request.name: addresses.take(address, request.pool, request.name)
-        for request, member in zip(requests, found, strict=True)
-        if (address := _declared(request, member)) is not None
+        for request, member in zip(requests, members, strict=True)
+        if (address := _fixed_address(request, member)) is not None
     }
     return [
-        member if member is not None and member.good else _planned(desired, member, taken, addresses)
-        for desired, member in zip(requests, found, strict=True)
+        member
+        if member is not None and member.good
+        else _plan_certificate(new_request, member, address_by_name, addresses)
+        for new_request, member in zip(requests, members, strict=True)
     ]
 
 
@@ -189,7 +191,7 @@ def known_member(membership: MembershipList, name: str) -> Member:
     )
 
 
-def _found(membership: MembershipList, request: EnrolmentRequest) -> Member | None:
+def _find_member(membership: MembershipList, request: EnrolmentRequest) -> Member | None:
     """The member that the request is about, if there is one."""
     _check(request)
     member = names.check_free(request.name, request.partner, request.device, membership)
@@ -212,7 +214,9 @@ def _check(request: EnrolmentRequest) -> None:
     else:
         right = names.member_name(request.partner, request.device)
     if request.name != right:
-        raise names.NameRefused(f"`{ascii(request.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE")
+        raise names.InvalidNameError(
+            f"`{ascii(request.name)[1:-1][:60]}` is not the name `{right}`", hint="PARTNER-DEVICE"
+        )
     if request.vehicle is not None:
         printable_text(request.vehicle, "the vehicle")
     printable_text(request.request_id, "the request's number")
@@ -235,7 +239,7 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
         ("wrap", newest.wrap, request.wrap),
         ("key", newest.key, request.key),
     )
-    other = [f"{word} is {has}, not {requested}" for word, has, requested in pairs if has != requested]
+    other = [f"{word} is {has}, not {new_value}" for word, has, new_value in pairs if has != new_value]
     if request.pool is not None and member.address not in request.pool:
         other.append(f"its address {member.address} is outside of {request.pool}")
     if other:
@@ -245,7 +249,7 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
         )
 
 
-def _declared(request: EnrolmentRequest, member: Member | None) -> IPv4Address | None:
+def _fixed_address(request: EnrolmentRequest, member: Member | None) -> IPv4Address | None:
     """The address that is not ours to choose: declared, or what a member got that was never handed out."""
     if member is None:
         return request.address
@@ -255,15 +259,15 @@ def _declared(request: EnrolmentRequest, member: Member | None) -> IPv4Address |
     return request.address if request.address is not None or not keeps else member.address
 
 
-def _planned(
-    request: EnrolmentRequest, member: Member | None, taken: dict[str, IPv4Address], addresses: AddressPool
+def _plan_certificate(
+    request: EnrolmentRequest, member: Member | None, address_by_name: dict[str, IPv4Address], addresses: AddressPool
 ) -> PlannedCertificate:
-    address = taken.get(request.name)
+    address = address_by_name.get(request.name)
     if address is None:
         assert request.pool is not None  # noqa: S101 - _check has refused it
         address = addresses.give(request.pool, request.name)
     certificates = () if member is None else member.certificates
-    planned = Member(
+    new_member = Member(
         request.name,
         request.kind,
         request.partner,
@@ -275,7 +279,9 @@ def _planned(
         request.system,
         request.distribution,
     )
-    return PlannedCertificate(planned, _next_name(planned), request.wrap, request.key, request.days, request.request_id)
+    return PlannedCertificate(
+        new_member, _next_name(new_member), request.wrap, request.key, request.days, request.request_id
+    )
 
 
 def _next_name(member: Member) -> str:
@@ -284,8 +290,8 @@ def _next_name(member: Member) -> str:
     return member.name if not used else f"{member.name}.{len(used) + 1}"
 
 
-def _refuse_repeated(requested: list[str]) -> None:
-    counts = Counter(requested)
+def _refuse_repeated(request_names: list[str]) -> None:
+    counts = Counter(request_names)
     if twice := next((name for name, count in counts.items() if count > 1), None):
         raise UsageError(f"`{twice}` is listed twice", hint="leave one of them out")
 
@@ -299,22 +305,22 @@ def printable_text(message: str, what: str) -> str:
 
 BATCH = 100
 """Two waits for the disk for so many; and no more than these are made anew when a command is killed."""
-REPLACED = "replaced before it was seen in use"
+REPLACED_REASON = "replaced before it was seen in use"
 
 
 @dataclass(frozen=True, slots=True)
 class _MadeCertificate:
     """A certificate that nobody but this process has."""
 
-    planned: PlannedCertificate
-    record: records.Issued
+    plan: PlannedCertificate
+    record: records.IssueRecord
     key: Secret
 
 
 def hand_out(
     session: SigningSession,
     command: records.Command,
-    planned: Sequence[PlannedCertificate],
+    plans: Sequence[PlannedCertificate],
     deliver: Callable[[Identity], HandoutFile],
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
@@ -323,58 +329,58 @@ def hand_out(
     """
     operation = new_operation()
     try:
-        session.ledger.write([records.Begun(command=command, names=_names(planned))], operation)
-        for start in range(0, len(planned), BATCH):
-            _batch(session, operation, planned[start : start + BATCH], deliver)
+        session.ledger.write([records.BeginRecord(command=command, names=_names(plans))], operation)
+        for start in range(0, len(plans), BATCH):
+            _batch(session, operation, plans[start : start + BATCH], deliver)
         # Also without a revocation: by the number of its list a server knows a record that is older than this one.
         session.publish(operation)
-        session.ledger.write([records.Committed()], operation)
+        session.ledger.write([records.CommitRecord()], operation)
     except Exception:
         # Best effort, while the disk is as it is: the next command looks again.
         if session.ledger.usable:
             with suppress(NetcfgError, OSError):
-                session.recover(left=False)
+                session.recover(was_killed=False)
         raise
 
 
-def _names(planned: Sequence[PlannedCertificate]) -> tuple[str, ...]:
-    return tuple(item.member.name for item in planned)
+def _names(plans: Sequence[PlannedCertificate]) -> tuple[str, ...]:
+    return tuple(item.member.name for item in plans)
 
 
 def _batch(
     session: SigningSession,
     operation: str,
-    planned: Sequence[PlannedCertificate],
+    plans: Sequence[PlannedCertificate],
     deliver: Callable[[Identity], HandoutFile],
 ) -> None:
-    made = [_made(session, item) for item in planned]
-    session.ledger.write([entry.record for entry in made], operation)
-    done: list[records.Record] = []
+    certificates = [_make_certificate(session, item) for item in plans]
+    session.ledger.write([entry.record for entry in certificates], operation)
+    new_records: list[records.Record] = []
     try:
         with os_errors_as("the certificates cannot be written"):
-            model.restore_copies(session.folder, [item.record for item in made])
-        for item in made:
-            with os_errors_as(f"what `{item.planned.member.name}` gets cannot be written"):
-                delivered = deliver(_identity(session, item))
-            done.extend(_handed_out(item.planned, delivered))
+            model.restore_copies(session.folder, [item.record for item in certificates])
+        for item in certificates:
+            with os_errors_as(f"what `{item.plan.member.name}` gets cannot be written"):
+                file = deliver(_identity(session, item))
+            new_records.extend(_handed_out(item.plan, file))
     finally:
-        if done:
-            session.ledger.write(done, operation)
+        if new_records:
+            session.ledger.write(new_records, operation)
 
 
-def _handed_out(planned: PlannedCertificate, delivered: HandoutFile) -> Iterator[records.Record]:
-    yield records.Delivered(common_name=planned.common_name, path=delivered.path, sha256=delivered.sha256)
-    for old in planned.replaces:
-        yield records.Revoked(common_name=old, reason=REPLACED)
+def _handed_out(plan: PlannedCertificate, file: HandoutFile) -> Iterator[records.Record]:
+    yield records.DeliveryRecord(common_name=plan.common_name, path=file.path, sha256=file.sha256)
+    for old in plan.replaces:
+        yield records.RevocationRecord(common_name=old, reason=REPLACED_REASON)
 
 
-def _made(session: SigningSession, planned: PlannedCertificate) -> _MadeCertificate:
-    key = pki.new_key(planned.key)
+def _make_certificate(session: SigningSession, plan: PlannedCertificate) -> _MadeCertificate:
+    key = pki.new_key(plan.key)
     certificate = pki.new_client(
-        session.ca, key.public_key(), planned.common_name, pki.new_serial(), planned.days, session.ledger.now()
+        session.ca, key.public_key(), plan.common_name, pki.new_serial(), plan.days, session.ledger.now()
     )
-    member = planned.member
-    record = records.Issued(
+    member = plan.member
+    record = records.IssueRecord(
         name=member.name,
         device_kind=member.kind,
         partner=member.partner,
@@ -384,21 +390,21 @@ def _made(session: SigningSession, planned: PlannedCertificate) -> _MadeCertific
         vehicle=member.vehicle,
         system=member.system,
         distribution=member.distribution,
-        common_name=planned.common_name,
+        common_name=plan.common_name,
         serial=certificate.serial_number,
         sha256=pki.sha256(certificate),
         not_before=certificate.not_valid_before_utc,
         not_after=certificate.not_valid_after_utc,
-        wrap=planned.wrap,
-        key=planned.key,
-        request_id=planned.request_id,
+        wrap=plan.wrap,
+        key=plan.key,
+        request_id=plan.request_id,
         der=base64.b64encode(certificate.public_bytes(Encoding.DER)).decode("ascii"),
     )
-    return _MadeCertificate(planned, record, pki.key_pem(key))
+    return _MadeCertificate(plan, record, pki.key_pem(key))
 
 
-def _identity(session: SigningSession, made: _MadeCertificate) -> Identity:
-    record = made.record
+def _identity(session: SigningSession, new_certificate: _MadeCertificate) -> Identity:
+    record = new_certificate.record
     certificate = Certificate(
         common_name=record.common_name,
         serial=record.serial,
@@ -409,19 +415,19 @@ def _identity(session: SigningSession, made: _MadeCertificate) -> Identity:
         key=record.key,
         standing=CertificateStatus.ISSUED,
     )
-    before = made.planned.member
+    before = new_certificate.plan.member
     return Identity(
         member=replace(before, certificates=(*before.certificates, certificate)),
         certificate=certificate,
         ca=session.ca_pem,
         cert=model.copy_of(record).decode("ascii"),
-        key=made.key,
+        key=new_certificate.key,
         wrap_key=session.wrap_key(record.wrap, record.common_name),
     )
 
 
-SUPERSEDED = "superseded"
-TAKEN = "revoked by the server's list, which a copy of the authority has signed that is lost"
+SUPERSEDED_REASON = "superseded"
+LOST_COPY_REASON = "revoked by the server's list, which a copy of the authority has signed that is lost"
 
 
 class Signer:
@@ -440,31 +446,31 @@ class Signer:
         requests: Sequence[EnrolmentRequest],
         deliver: Callable[[Identity], HandoutFile],
         *,
-        reserved: Collection[IPv4Address] = (),
+        reserved_addresses: Collection[IPv4Address] = (),
     ) -> tuple[IssueResult, ...]:
         """Make members, all checked before the first is made; results are in the order of the requests.
 
-        `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved` are
-        addresses that are not given away: the server's own, and those of declared hosts. UsageError for a name that is
+        `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved_addresses`
+        are not given away: the server's own, and those of declared hosts. UsageError for a name that is
         refused or taken, for a member of this name that differs from the request, for an address in use.
         """
-        planned = plan_issue(self.membership, requests, reserved)
-        new = [entry for entry in planned if isinstance(entry, PlannedCertificate)]
+        plan_items = plan_issue(self.membership, requests, reserved_addresses)
+        new = [entry for entry in plan_items if isinstance(entry, PlannedCertificate)]
         if new:
             hand_out(self._session, "issue", new, deliver)
         names = {item.member.name for item in new}
-        return tuple(self._issued(request.name, already=request.name not in names) for request in requests)
+        return tuple(self._issue_result(request.name, already=request.name not in names) for request in requests)
 
     def renew(
         self, name: str, deliver: Callable[[Identity], HandoutFile], change: RenewalRequest | None = None
     ) -> IssueResult:
         """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
 
-        Successors that were handed out before and never seen are revoked (`Issued.replaced`).
+        Successors that were handed out before and never seen are revoked (`IssueRecord.replaced`).
         """
-        planned = plan_renewal(known_member(self.membership, name), change or RenewalRequest())
-        hand_out(self._session, "renew", [planned], deliver)
-        return self._issued(name, replaced=planned.replaces)
+        plan = plan_renewal(known_member(self.membership, name), change or RenewalRequest())
+        hand_out(self._session, "renew", [plan], deliver)
+        return self._issue_result(name, replaced_names=plan.replaces)
 
     def revoke(self, names: Sequence[str], reason: str) -> RevocationResult:
         """Revoke every certificate of these members, and publish the list. The names never return.
@@ -478,10 +484,12 @@ class Signer:
                 "nobody was named whose certificates are to be revoked", hint="`provision vpn list` lists them all"
             )
         why = printable_text(reason, "the reason") or "no reason was given"
-        lost = [_revocable(member) for member in members]
-        if any(lost):
+        certificate_groups = [_revocable(member) for member in members]
+        if any(certificate_groups):
             crl = self._revoke(
-                [member.name for member in members], [certificate for some in lost for certificate in some], why
+                [member.name for member in members],
+                [certificate for some in certificate_groups for certificate in some],
+                why,
             )
         else:
             with os_errors_as("the revocation list cannot be read"):
@@ -492,7 +500,7 @@ class Signer:
             common_names=tuple(item for item in every if item in handed_out),
             members=tuple(member.name for member in members),
             crl=crl,
-            already=tuple(member.name for member, some in zip(members, lost, strict=True) if not some),
+            already=tuple(member.name for member, some in zip(members, certificate_groups, strict=True) if not some),
         )
 
     def publish(self) -> bytes:
@@ -503,9 +511,9 @@ class Signer:
             if certificate.standing is CertificateStatus.SUPERSEDED
         ]
         operation = new_operation()
-        begun = records.Begun(command="publish")
-        self._session.ledger.write([begun, *_revocations(old, SUPERSEDED)], operation)
-        return self._listed(operation)
+        begin_record = records.BeginRecord(command="publish")
+        self._session.ledger.write([begin_record, *_revocations(old, SUPERSEDED_REASON)], operation)
+        return self._publish_list(operation)
 
     def take(self, pem: bytes) -> tuple[str, ...]:
         """Take over the list that a server has, of a copy of this authority that is lost, and sign the next one.
@@ -515,14 +523,16 @@ class Signer:
         """
         facts = pki.read_crl(pem, self._session.ca.certificate)
         ours = [entry for _, entry in self.membership.certificates() if entry.serial in facts.serials]
-        lost = [item for item in ours if item.standing is not CertificateStatus.REVOKED]
+        revoked_certificates = [item for item in ours if item.standing is not CertificateStatus.REVOKED]
         strange = facts.serials - {our.serial for our in ours} - self._session.ledger.state.taken.keys()
-        taken = [records.Taken(serials=tuple(sorted(strange)))] if strange else []
+        takeover_records = [records.TakeoverRecord(serials=tuple(sorted(strange)))] if strange else []
         operation = new_operation()
-        begun = records.Begun(command="publish")
-        self._session.ledger.write([begun, *taken, *_revocations(lost, TAKEN)], operation)
-        self._listed(operation, facts)
-        return tuple(certificate.common_name for certificate in lost)
+        begin_record = records.BeginRecord(command="publish")
+        self._session.ledger.write(
+            [begin_record, *takeover_records, *_revocations(revoked_certificates, LOST_COPY_REASON)], operation
+        )
+        self._publish_list(operation, facts)
+        return tuple(certificate.common_name for certificate in revoked_certificates)
 
     def serve(self, names: ServerNames) -> bool:
         """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
@@ -536,21 +546,21 @@ class Signer:
 
     def _revoke(self, names: Sequence[str], certificates: Iterable[Certificate], why: str) -> bytes:
         operation = new_operation()
-        begun = records.Begun(command="revoke", names=tuple(names))
-        self._session.ledger.write([begun, *_revocations(certificates, why)], operation)
-        return self._listed(operation)
+        begin_record = records.BeginRecord(command="revoke", names=tuple(names))
+        self._session.ledger.write([begin_record, *_revocations(certificates, why)], operation)
+        return self._publish_list(operation)
 
-    def _listed(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
+    def _publish_list(self, operation: str, also: pki.CrlFacts | None = None) -> bytes:
         pem = self._session.publish(operation, also)
-        self._session.ledger.write([records.Committed()], operation)
+        self._session.ledger.write([records.CommitRecord()], operation)
         return pem
 
-    def _issued(self, name: str, *, already: bool = False, replaced: tuple[str, ...] = ()) -> IssueResult:
+    def _issue_result(self, name: str, *, already: bool = False, replaced_names: tuple[str, ...] = ()) -> IssueResult:
         state = self._session.ledger.state
         member = state.member(name)
         newest = member.good[-1]
         last = state.delivered[newest.common_name]
-        return IssueResult(member, newest, HandoutFile(last.path, last.sha256), already, replaced)
+        return IssueResult(member, newest, HandoutFile(last.path, last.sha256), already, replaced_names)
 
 
 def _revocable(member: Member) -> list[Certificate]:
@@ -561,4 +571,4 @@ def _revocable(member: Member) -> list[Certificate]:
 
 
 def _revocations(certificates: Iterable[Certificate], why: str) -> list[records.Record]:
-    return [records.Revoked(common_name=certificate.common_name, reason=why) for certificate in certificates]
+    return [records.RevocationRecord(common_name=certificate.common_name, reason=why) for certificate in certificates]

@@ -53,30 +53,30 @@ class NotAHandOut(UsageError):
         super().__init__(f"this is no hand-out of the VPN: {what}", hint="ask the control centre for a new one")
 
 
-def pack(folder: str, files: Mapping[str, str], modified: int) -> bytes:
-    """A tar with one folder; `modified` is in seconds since 1970, for every file.
+def pack(folder: str, files: Mapping[str, str], mtime: int) -> bytes:
+    """A tar with one folder; `mtime` is in seconds since 1970, for every file.
 
     The same bytes for the same files. It is a tar and not a zip, since a tar is unpacked as it comes out of
     `age --decrypt`: no key touches the disk on its way, and every unpacker keeps the mode of the files.
     """
-    packed = io.BytesIO()
-    with tarfile.open(fileobj=packed, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as archive:
         for name, text in files.items():
             data = text.encode()
             entry = tarfile.TarInfo(f"{folder}/{name}")
             if _NAME.fullmatch(entry.name) is None:
                 raise ValueError(f"not a name for a hand-out: {entry.name!r}")
-            entry.size, entry.mtime, entry.mode = len(data), modified, _PRIVATE
+            entry.size, entry.mtime, entry.mode = len(data), mtime, _PRIVATE
             archive.addfile(entry, io.BytesIO(data))
-    return packed.getvalue()
+    return buffer.getvalue()
 
 
-def unpack(packed: bytes) -> dict[str, str]:
+def unpack(data: bytes) -> dict[str, str]:
     """Names and texts, in the archive's order, without the folder. Raises NotAHandOut; nothing is written anywhere."""
-    if len(packed) > _BYTES:
+    if len(data) > _BYTES:
         raise NotAHandOut(f"it is larger than {_BYTES} bytes")
     try:
-        with tarfile.open(fileobj=io.BytesIO(packed), mode="r:") as archive:
+        with tarfile.open(fileobj=io.BytesIO(data), mode="r:") as archive:
             return _texts(archive)
     except (tarfile.TarError, UnicodeDecodeError, ValueError, OSError):
         raise NotAHandOut("what it contains cannot be read") from None
@@ -87,11 +87,11 @@ def _texts(archive: tarfile.TarFile) -> dict[str, str]:
     folders: set[str] = set()
     for entry in archive:
         folder, _, name = entry.name.partition("/")
-        taken = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
-        if taken is None or name in result or len(result) == _FILES:
+        content = archive.extractfile(entry) if entry.type == tarfile.REGTYPE and _NAME.fullmatch(entry.name) else None
+        if content is None or name in result or len(result) == _FILES:
             raise NotAHandOut(f"it contains {entry.name!a}")
         folders.add(folder)
-        result[name] = taken.read().decode()
+        result[name] = content.read().decode()
     if len(folders) != 1:
         raise NotAHandOut("it is empty" if not folders else "it contains more than one folder")
     return result
@@ -133,7 +133,7 @@ def unseal(data: bytes, secret: Secret) -> bytes:
     by_key = secret.reveal().strip().startswith(_SECRET_KEY)
     try:
         return pki.unseal_with(data, secret) if by_key else pki.unseal(data, _as_made(secret))
-    except pki.SealDamaged:
+    except pki.CorruptSealError:
         raise NotAHandOut("it is not sealed, or was damaged on its way") from None
     except pki.WrongPassphrase:
         raise WrongKey(by_key=by_key) from None
@@ -157,11 +157,11 @@ def _passphrase() -> Secret:
     return Secret("-".join(groups))
 
 
-def _as_made(typed: Secret) -> Secret:
+def _as_made(passphrase: Secret) -> Secret:
     """Digits may be typed with spaces, without anything between them, or as they were shown."""
-    digits = re.sub(r"[\s-]", "", typed.reveal())
+    digits = re.sub(r"[\s-]", "", passphrase.reveal())
     if not re.fullmatch(rf"[0-9]{{{_GROUPS * _DIGITS}}}", digits):
-        return typed
+        return passphrase
     return Secret("-".join(digits[at : at + _DIGITS] for at in range(0, len(digits), _DIGITS)))
 
 
@@ -209,8 +209,8 @@ def handout(declaration: Declaration, identity: Identity, sealing: Sealing, *, c
     """
     name = identity.certificate.common_name
     files = contents(declaration, identity, contact=contact)
-    packed = pack(name, files, int(identity.certificate.not_before.timestamp()))
-    data, passphrase = seal(packed, sealing)
+    archive = pack(name, files, int(identity.certificate.not_before.timestamp()))
+    data, passphrase = seal(archive, sealing)
     view = _view(declaration, identity, contact, tuple(files))
     note = pages.CoverNote(hashlib.sha256(data).hexdigest(), passphrase=passphrase is not None)
     return HandOut(_file_name(identity), pages.cover_note(view, note), data, passphrase)
@@ -235,21 +235,21 @@ def contents(declaration: Declaration, identity: Identity, *, contact: str) -> d
     names = (*local, "README.txt", "README.html", *_beside(declaration, identity.member))
     view = _view(declaration, identity, contact, names)
     page = pages.page(view)
-    made = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
-    made.update({name: pages.beside(view, name) for name in names if name in pages.BESIDE})
-    made.update({name: program(name) for name in view.tests})
+    file_texts = {**local, "README.txt": pages.as_text(page), "README.html": pages.as_html(page)}
+    file_texts.update({name: pages.beside(view, name) for name in names if name in pages.BESIDE})
+    file_texts.update({name: program(name) for name in view.tests})
     if view.tests:
         ovpn = f"{identity.member.name}.ovpn"
-        made["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)
+        file_texts["self-test.json"] = facts(declaration, identity, profile(declaration, identity), ovpn, view.contact)
     if view.dds is not None:
-        made.update(pages.dds_files(view.dds))
-    return {name: made[name] for name in names}
+        file_texts.update(pages.dds_files(view.dds))
+    return {name: file_texts[name] for name in names}
 
 
 def _view(declaration: Declaration, identity: Identity, contact: str, names: tuple[str, ...]) -> pages.PageView:
     files = [(name, _what(name)) for name in names]
-    sealed = _file_name(identity)
-    return pages.page_view(declaration, identity, contact=contact.strip(), sealed_file=sealed, files=files)
+    file_name = _file_name(identity)
+    return pages.page_view(declaration, identity, contact=contact.strip(), sealed_file=file_name, files=files)
 
 
 def _file_name(identity: Identity) -> str:
@@ -309,7 +309,7 @@ _ENDING = ".identity"
 
 
 @dataclass(frozen=True, slots=True)
-class Accepted:
+class AcceptResult:
     """What was taken."""
 
     identity: Identity
@@ -323,7 +323,7 @@ def host_identity(authority: Path, host: str) -> Path:
     return authority / "hosts" / f"{host}{_ENDING}"
 
 
-def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> Accepted:
+def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Path, *, now: datetime) -> AcceptResult:
     """Open the hand-out of a declared host, check that it is of this declaration, and keep its identity.
 
     Raises WrongKey, NotAHandOut, NotAnIdentity; UsageError for a host that is not declared so, for an identity that
@@ -337,14 +337,14 @@ def accept(declaration: Declaration, data: bytes, secret: Secret, authority: Pat
         for folder in (authority, path.parent):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         write_atomically(path, identity_file(identity).reveal().encode())
-    return Accepted(identity, path, already)
+    return AcceptResult(identity, path, already)
 
 
 def _identity(files: dict[str, str]) -> Identity:
-    found = [text for name, text in files.items() if name.endswith(_ENDING)]
-    if len(found) != 1:
+    profile_texts = [text for name, text in files.items() if name.endswith(_ENDING)]
+    if len(profile_texts) != 1:
         raise NotAHandOut("it is for a partner's device, and not for a computer of the inventory")
-    return read_identity(found[0])
+    return read_identity(profile_texts[0])
 
 
 def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
@@ -355,9 +355,9 @@ def _check(declaration: Declaration, identity: Identity, now: datetime) -> None:
             f"the hand-out is for {member.name}, which is no host of this inventory",
             hint="take the inventory of the pilot that it was made for",
         )
-    if (declared := _tunnel_address(host)) != member.address:
+    if (expected_address := _tunnel_address(host)) != member.address:
         raise UsageError(
-            f"the hand-out gives {member.name} the address {member.address}; the inventory declares {declared}",
+            f"the hand-out gives {member.name} the address {member.address}; the inventory declares {expected_address}",
             hint="take the newest inventory, or ask for a new hand-out",
         )
     if now > certificate.not_after:

@@ -61,13 +61,13 @@ class Reach:
 
 def reach(declaration: Declaration, member: Member) -> tuple[Reach, ...]:
     """Whom the member may begin with. Other members come and go: of them only the kind is told."""
-    found: dict[str, list[Permission]] = {}
+    permissions_by_host: dict[str, list[Permission]] = {}
     for permission in _policy(declaration, member).permissions:
         if permission.source is not None and permission.source.holds(member.address):
             name = permission.destination.name if permission.destination else ""
-            found.setdefault(name, []).append(permission)
-    made = (_reach(declaration, member, permissions) for permissions in found.values())
-    return tuple(item for item in made if item is not None)
+            permissions_by_host.setdefault(name, []).append(permission)
+    entries = (_reach(declaration, member, permissions) for permissions in permissions_by_host.values())
+    return tuple(item for item in entries if item is not None)
 
 
 def reached_by(declaration: Declaration, member: Member) -> tuple[str, ...]:
@@ -233,7 +233,7 @@ def page_view(
 ) -> PageView:
     """Everything that the page says of one member; `contact` is whom the partner calls, in the operator's words."""
     member, system = identity.member, systems.system_of(identity.member)
-    found = reach(declaration, member)
+    targets = reach(declaration, member)
     return PageView(
         pilot=declaration.pilot.name,
         name=member.name,
@@ -252,7 +252,7 @@ def page_view(
         restart_s=_RESTART_S[member.link],
         wait_s=WAIT_S[member.link],
         tests=tuple(name for name, _ in files if name in {"self-test.py", "self-test.ps1"}),
-        reach=found,
+        reach=targets,
         reached_by=reached_by(declaration, member),
         dds=_dds(declaration, member, {name for name, _ in files}),
         files=tuple(files),
@@ -288,10 +288,10 @@ def cover_note(view: PageView, note: CoverNote) -> str:
 
 
 def _blocks(text: str) -> tuple[str, ...]:
-    return tuple(_translated(block.strip("\n")) for block in re.split(r"\n{2,}", text.strip("\n")))
+    return tuple(_translate_block(block.strip("\n")) for block in re.split(r"\n{2,}", text.strip("\n")))
 
 
-def _translated(block: str) -> str:
+def _translate_block(block: str) -> str:
     """What is typed stays as it is; a list is translated line by line, all else whole."""
     lines = block.split("\n")
     if _is_typed(lines):
@@ -316,15 +316,15 @@ def beside(view: PageView, name: str) -> str:
 
 def dds_files(dds: DdsSettings) -> dict[str, str]:
     """The DDS files of a hand-out: profiles and environment as gateways have them, and what a shell reads."""
-    made = member_files(dds.view)
+    files = member_files(dds.view)
     for name in ("setup.bash", "setup.ps1"):
-        made[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=PROFILES)
-    return {name: made[name] for name in dds.files}
+        files[name] = environment().get_template(f"handout/{name}.j2").render(dds=dds.view, folder=PROFILES)
+    return {name: files[name] for name in dds.files}
 
 
 def as_text(blocks: Sequence[str]) -> str:
     """The page for every editor, in lines of 80 characters; what is to be typed is never cut."""
-    return "\n\n".join(_wrapped(block) for block in blocks) + "\n"
+    return "\n\n".join(_wrap_block(block) for block in blocks) + "\n"
 
 
 def as_html(blocks: Sequence[str]) -> str:
@@ -336,20 +336,22 @@ def as_html(blocks: Sequence[str]) -> str:
     )
 
 
-def _wrapped(block: str) -> str:
+def _wrap_block(block: str) -> str:
     lines = block.split("\n")
     if _is_typed(lines) or _is_heading(lines):
         return block
     if _is_list(lines):
-        return "\n".join(_filled(line, indent="  ") for line in lines)
-    return _filled(" ".join(lines))
+        return "\n".join(_fill(line, indent="  ") for line in lines)
+    return _fill(" ".join(lines))
 
 
-def _filled(text: str, indent: str = "") -> str:
+def _fill(text: str, indent: str = "") -> str:
     """Lines of the page's width; what stands between back-ticks is typed, and stays on one line."""
-    whole = re.sub(r"`[^`]*`", lambda found: found[0].replace(" ", "\0"), text)
-    filled = textwrap.fill(whole, _WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False)
-    return filled.replace("\0", " ")
+    whole = re.sub(r"`[^`]*`", lambda match: match[0].replace(" ", "\0"), text)
+    wrapped_text = textwrap.fill(
+        whole, _WIDTH, subsequent_indent=indent, break_on_hyphens=False, break_long_words=False
+    )
+    return wrapped_text.replace("\0", " ")
 
 
 def _marked_up(block: str) -> str:
@@ -391,9 +393,9 @@ def dds_view(declaration: Declaration, member: Member) -> ProfileView | None:
     if declaration.pilot.dds is None or member.kind not in {MemberKind.ROBOT, MemberKind.LAPTOP}:
         return None
     release = systems.distribution(declaration, member.vehicle, member.distribution)
-    found = reach(declaration, member)
-    spoken = [entry for entry in found if any(words.startswith("DDS") for words in entry.traffic)]
-    peers = tuple((name, str(address)) for item in spoken for name, address in item.hosts)
+    targets = reach(declaration, member)
+    dds_targets = [entry for entry in targets if any(words.startswith("DDS") for words in entry.traffic)]
+    peers = tuple((name, str(address)) for item in dds_targets for name, address in item.hosts)
     if not peers or release is None:
         return None
     return member_view(declaration, MemberDds(member.name, str(member.address), _PACE[member.link], peers, release))

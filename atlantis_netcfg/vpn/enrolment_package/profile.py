@@ -104,8 +104,8 @@ def _header_values(text: str) -> dict[str, str]:
     if lines.count(_MARK) != 1:
         raise NotAnIdentity(f"it has no line `{_MARK}`")
     start = lines.index(_MARK) + 1
-    found = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
-    values = {item[1]: item[2] for item in found if item}
+    matches = [_HEADER_LINE.fullmatch(line) for line in lines[start : start + len(_KEYS)]]
+    values = {item[1]: item[2] for item in matches if item}
     if tuple(values) != _KEYS:
         raise NotAnIdentity("the lines at its beginning are not whole")
     if values["wrap"] not in set(Wrap):
@@ -114,10 +114,10 @@ def _header_values(text: str) -> dict[str, str]:
 
 
 def _block(text: str, name: str) -> str:
-    found = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
-    if len(found) != 1:
-        raise NotAnIdentity(f"the block <{name}> is there {len(found)} times")
-    return f"{found[0]}\n"
+    blocks = re.findall(rf"^<{name}>\n(.*?)\n</{name}>$", text.replace("\r\n", "\n"), re.DOTALL | re.MULTILINE)
+    if len(blocks) != 1:
+        raise NotAnIdentity(f"the block <{name}> is there {len(blocks)} times")
+    return f"{blocks[0]}\n"
 
 
 def _identity(values: Mapping[str, str], blocks: Mapping[str, str]) -> Identity:
@@ -147,40 +147,41 @@ def _maybe(value: str) -> str | None:
 
 
 def _certificate(values: Mapping[str, str], blocks: Mapping[str, str]) -> Certificate:
-    found = x509.load_pem_x509_certificate(blocks["cert"].encode())
-    _fit(found, values, blocks)
+    certificate = x509.load_pem_x509_certificate(blocks["cert"].encode())
+    _fit(certificate, values, blocks)
     return Certificate(
         common_name=values["common-name"],
-        serial=found.serial_number,
-        sha256=found.fingerprint(SHA256()).hex(),
-        not_before=found.not_valid_before_utc.astimezone(UTC),
-        not_after=found.not_valid_after_utc.astimezone(UTC),
+        serial=certificate.serial_number,
+        sha256=certificate.fingerprint(SHA256()).hex(),
+        not_before=certificate.not_valid_before_utc.astimezone(UTC),
+        not_after=certificate.not_valid_after_utc.astimezone(UTC),
         wrap=Wrap(values["wrap"]),
         key=KeyType(values["key"]),
         standing=CertificateStatus.ISSUED,
     )
 
 
-def _fit(found: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str, str]) -> None:
+def _fit(certificate: x509.Certificate, values: Mapping[str, str], blocks: Mapping[str, str]) -> None:
     """Refuse a key of another certificate, a certificate of another name or another CA."""
     names = [
-        str(name_attribute.value) for name_attribute in found.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
+        str(name_attribute.value)
+        for name_attribute in certificate.subject.get_attributes_for_oid(x509.NameOID.COMMON_NAME)
     ]
     if names != [values["common-name"]] or values["common-name"].partition(".")[0] != values["name"]:
         raise _Misfit("its certificate has another name than its first lines")
     key = load_pem_private_key(blocks["key"].encode(), password=None)
     form = (Encoding.DER, PublicFormat.SubjectPublicKeyInfo)
-    if key.public_key().public_bytes(*form) != found.public_key().public_bytes(*form):
+    if key.public_key().public_bytes(*form) != certificate.public_key().public_bytes(*form):
         raise _Misfit("its key belongs to another certificate")
     try:
-        found.verify_directly_issued_by(x509.load_pem_x509_certificate(blocks["ca"].encode()))
+        certificate.verify_directly_issued_by(x509.load_pem_x509_certificate(blocks["ca"].encode()))
     except Exception as error:
         raise _Misfit("its certificate is of another CA") from error
 
 
 _RETRY_MAX_S = {MemberLink.FIBRE: 300, MemberLink.LTE: 300, MemberLink.SATELLITE: 900}
 """`connect-retry`'s longest pause: a refused device costs 12 kB an attempt, more than a healthy one's day (facts 9)."""
-_UNATTENDED = frozenset({MemberKind.ROBOT, MemberKind.ROUTER, MemberKind.HOST})
+_UNATTENDED_KINDS = frozenset({MemberKind.ROBOT, MemberKind.ROUTER, MemberKind.HOST})
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +200,7 @@ class _OvpnView:
     dev: str
     server: str
     old_words: bool
-    unattended: bool
+    is_unattended: bool
     retry_max_s: int
     slow: bool
     blocks: Secret
@@ -250,7 +251,7 @@ def _view(declaration: Declaration, identity: Identity) -> _OvpnView:
         dev="tun0" if member.kind is MemberKind.HOST else "tun",
         server=server_name(declaration),
         old_words=identity.certificate.wrap is Wrap.TLS_CRYPT,
-        unattended=member.kind in _UNATTENDED,
+        is_unattended=member.kind in _UNATTENDED_KINDS,
         retry_max_s=_RETRY_MAX_S[member.link],
         slow=member.link is MemberLink.SATELLITE,
         blocks=inline(identity),

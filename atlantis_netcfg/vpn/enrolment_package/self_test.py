@@ -89,7 +89,7 @@ FAULTS = (
         "Unpack the hand-out again. If that does not help, ask for a new one.",
     ),
 )
-REFUSED = (
+REFUSAL = (
     "a first answer came from {endpoint}, and then nothing more",
     (
         "Most often the server does not take this device's certificate: it was revoked or has expired, or one of the "
@@ -139,24 +139,24 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
         "profile": file_name,
         "profile_sha256": hashlib.sha256(profile.reveal().encode()).hexdigest(),
         "wait_s": WAIT_S[member.link],
-        "ping": _pinged(declaration, member),
+        "ping": _find_ping_targets(declaration, member),
         "dds_port": dds_port(declaration, member),
         "contact": contact,
         "faults": [list(item) for item in FAULTS],
-        "refused": list(REFUSED),
+        "refused": list(REFUSAL),
         "silence": list(SILENCE),
     }
     return json.dumps(values, indent=1, ensure_ascii=False) + "\n"
 
 
-def _pinged(declaration: Declaration, member: Member) -> list[list[str]]:
+def _find_ping_targets(declaration: Declaration, member: Member) -> list[list[str]]:
     """Computers of ours that answer pings, the server aside: it is asked first."""
     server = tunnel_of_server(declaration)
-    found = {
+    name_by_address = {
         address: name
         for item in reach(declaration, member)
         if item.ping
         for name, address in item.hosts
         if address not in {server, member.address}
     }
-    return [[name, str(address)] for address, name in list(found.items())[:_FEW]]
+    return [[name, str(address)] for address, name in list(name_by_address.items())[:_FEW]]

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from atlantis_netcfg.vpn.ledger.file import (
     FILE,
+    CorruptLedgerError,
     Ledger,
-    LedgerDamaged,
     LedgerEntry,
-    LedgerFailed,
+    LedgerError,
     Reading,
     digest,
     first_lines,
@@ -25,10 +25,10 @@ from atlantis_netcfg.vpn.ledger.state import NEVER_HANDED_OUT, LedgerState, memb
 __all__ = [
     "FILE",
     "NEVER_HANDED_OUT",
+    "CorruptLedgerError",
     "Ledger",
-    "LedgerDamaged",
     "LedgerEntry",
-    "LedgerFailed",
+    "LedgerError",
     "LedgerState",
     "Reading",
     "Record",

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class LedgerDamaged(NetcfgError):
+class CorruptLedgerError(NetcfgError):
     """A line is not what was written: nothing may be signed before a person has looked."""
 
     exit = ExitCode.FAILED
 
 
-class LedgerFailed(NetcfgError):
+class LedgerError(NetcfgError):
     """The ledger cannot be written: nothing may leave that is not recorded."""
 
     exit = ExitCode.FAILED
@@ -135,7 +135,7 @@ class Reading:
     """Bytes up to the end of the last good line."""
     digests: tuple[str, ...]
     """Hash of each of these lines."""
-    torn: bool
+    is_torn: bool
     """A line without its end follows: it was being written, or its writer was killed."""
     damage: str | None
     """What is wrong with the first line that is not what was written; nothing after it was read."""
@@ -148,7 +148,7 @@ class Reading:
     def sound(self) -> Self:
         """Itself, if nothing is damaged. Raises LedgerDamaged."""
         if self.damage is not None:
-            raise LedgerDamaged(
+            raise CorruptLedgerError(
                 f"{self.damage} ({self.path})",
                 hint="sign nothing; put the ledger of the last backup beside this one, and compare them line by line",
             )
@@ -158,9 +158,9 @@ class Reading:
 def read(path: Path) -> Reading:
     """Every entry up to the first damage. Raises LedgerFailed if the file cannot be read."""
     try:
-        lines, torn = split(path.read_bytes())
+        lines, tail = split(path.read_bytes())
     except OSError as error:
-        raise _failed("read", path, error) from error
+        raise _build_error("read", path, error) from error
     entries: list[LedgerEntry] = []
     digests: list[str] = []
     size, damage = 0, None
@@ -172,7 +172,7 @@ def read(path: Path) -> Reading:
             break
         digests.append(digest(line))
         size += len(line) + 1
-    return Reading(path, tuple(entries), size, tuple(digests), bool(torn), damage)
+    return Reading(path, tuple(entries), size, tuple(digests), bool(tail), damage)
 
 
 def first_lines(records: Sequence[Record], who: str, operation: str, now: datetime) -> bytes:
@@ -192,8 +192,8 @@ class Ledger(EventLog):
         self.entries = list(reading.entries)
         self.digests = list(reading.digests)
         """Hash of each line."""
-        super().__init__(path, partial(_failed, "written", path), create=False)
-        if reading.torn:
+        super().__init__(path, partial(_build_error, "written", path), create=False)
+        if reading.is_torn:
             self.cut(reading.size)
 
     @property
@@ -236,8 +236,8 @@ def _one_line(who: str) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in who)[:_WHO]
 
 
-def _failed(what: str, path: Path, error: OSError) -> LedgerFailed:
-    return LedgerFailed(
+def _build_error(what: str, path: Path, error: OSError) -> LedgerError:
+    return LedgerError(
         f"the ledger cannot be {what}: {error.strerror or error} ({path})",
         hint="make room on the disk or correct its permissions, then run the same command again",
     )

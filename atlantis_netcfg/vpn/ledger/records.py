@@ -1,7 +1,7 @@
 """The records of the ledger: what happened, in the order in which it became certain; and each in words, for `audit`.
 
-A record that announces (`Begun`, `Issued`, `Revoked`, `Published`) is on disk before anything leaves or is put in
-place; `Delivered` follows the file that it names. None holds a secret.
+A record that announces (`BeginRecord`, `IssueRecord`, `RevocationRecord`, `PublicationRecord`) is on disk before
+anything leaves or is put in place; `DeliveryRecord` follows the file that it names. None holds a secret.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Serial = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Founded:
+class FoundingRecord:
     """First record of every ledger: whose it is."""
 
     kind: Literal["founded"] = "founded"
@@ -40,7 +40,7 @@ class Founded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ServerIssued:
+class ServerIssueRecord:
     """The server got this certificate; it takes the place of the one before."""
 
     kind: Literal["server-issued"] = "server-issued"
@@ -54,8 +54,8 @@ class ServerIssued:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Begun:
-    """A command begins; it is open until `Committed` or `RolledBack` of the same operation."""
+class BeginRecord:
+    """A command begins; it is open until `CommitRecord` or `RolledBack` of the same operation."""
 
     kind: Literal["begun"] = "begun"
     command: Command
@@ -63,8 +63,8 @@ class Begun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Issued:
-    """A certificate was made, and is in this process' memory only. Without a `Delivered` it counts as revoked."""
+class IssueRecord:
+    """A certificate was made, and is in this process' memory only. Without a `DeliveryRecord` it counts as revoked."""
 
     kind: Literal["issued"] = "issued"
     name: str
@@ -89,7 +89,7 @@ class Issued:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Delivered:
+class DeliveryRecord:
     """The member's file is on disk."""
 
     kind: Literal["delivered"] = "delivered"
@@ -99,7 +99,7 @@ class Delivered:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Committed:
+class CommitRecord:
     """The command is complete."""
 
     kind: Literal["committed"] = "committed"
@@ -114,7 +114,7 @@ class RolledBack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Revoked:
+class RevocationRecord:
     """No server may admit this certificate any more."""
 
     kind: Literal["revoked"] = "revoked"
@@ -123,7 +123,7 @@ class Revoked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class SightingRecord:
     """The server had a session of this certificate; `last` is its clock's."""
 
     kind: Literal["seen"] = "seen"
@@ -132,7 +132,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Superseded:
+class SupersedeRecord:
     """A successor was seen: the server admits this one no more, and the next list will hold it."""
 
     kind: Literal["superseded"] = "superseded"
@@ -141,7 +141,7 @@ class Superseded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settled:
+class SettlementRecord:
     """The server confirmed that this revoked certificate has no session, and gets none."""
 
     kind: Literal["settled"] = "settled"
@@ -149,7 +149,7 @@ class Settled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Published:
+class PublicationRecord:
     """This list was signed, and is about to be put in place."""
 
     kind: Literal["published"] = "published"
@@ -161,7 +161,7 @@ class Published:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taken:
+class TakeoverRecord:
     """These are on a list that a lost copy of the authority has signed, and were not issued by this one."""
 
     kind: Literal["taken"] = "taken"
@@ -169,7 +169,7 @@ class Taken:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Resealed:
+class ResealRecord:
     """The CA key is about to be put under another passphrase."""
 
     kind: Literal["resealed"] = "resealed"
@@ -177,7 +177,7 @@ class Resealed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClockTrusted:
+class ClockTrustRecord:
     """The clock stood before the last record, and a person said that the clock is right."""
 
     kind: Literal["clock-trusted"] = "clock-trusted"
@@ -186,21 +186,21 @@ class ClockTrusted:
 
 
 Record = Annotated[
-    Founded
-    | ServerIssued
-    | Begun
-    | Issued
-    | Delivered
-    | Committed
+    FoundingRecord
+    | ServerIssueRecord
+    | BeginRecord
+    | IssueRecord
+    | DeliveryRecord
+    | CommitRecord
     | RolledBack
-    | Revoked
-    | Seen
-    | Superseded
-    | Settled
-    | Published
-    | Taken
-    | Resealed
-    | ClockTrusted,
+    | RevocationRecord
+    | SightingRecord
+    | SupersedeRecord
+    | SettlementRecord
+    | PublicationRecord
+    | TakeoverRecord
+    | ResealRecord
+    | ClockTrustRecord,
     Field(discriminator="kind"),
 ]
 
@@ -211,83 +211,86 @@ _COMMANDS = {
     "publish": "a new revocation list was asked for",
     "serve": "a new certificate of the server was asked for",
 }
-_NAMED = 3
+_MAX_NAMES = 3
 """So many names are told, the others are counted."""
 
 
 def describe(record: Record) -> str:
     """What happened, one line."""
     match record:
-        case Begun() | Committed() | RolledBack():
+        case BeginRecord() | CommitRecord() | RolledBack():
             return _of_command(record)
-        case Issued() | Delivered() | Revoked() | Taken():
+        case IssueRecord() | DeliveryRecord() | RevocationRecord() | TakeoverRecord():
             return _of_certificate(record)
-        case Seen() | Superseded() | Settled():
+        case SightingRecord() | SupersedeRecord() | SettlementRecord():
             return _of_server(record)
         case _:
             return _of_authority(record)
 
 
-def _of_command(record: Begun | Committed | RolledBack) -> str:
+def _of_command(record: BeginRecord | CommitRecord | RolledBack) -> str:
     match record:
-        case Begun():
-            return _COMMANDS[record.command].format(_listed(record.names))
-        case Committed():
+        case BeginRecord():
+            return _COMMANDS[record.command].format(_join_names(record.names))
+        case CommitRecord():
             return "the command is complete"
         case RolledBack(common_names=()):
             return "the command was not completed; nothing of it had left that is not recorded"
         case RolledBack():
-            return f"the command was not completed: {_listed(record.common_names)} was never handed out, and is revoked"
+            return (
+                f"the command was not completed: {_join_names(record.common_names)} was never handed out, "
+                "and is revoked"
+            )
 
 
-def _of_certificate(record: Issued | Delivered | Revoked | Taken) -> str:
+def _of_certificate(record: IssueRecord | DeliveryRecord | RevocationRecord | TakeoverRecord) -> str:
     match record:
-        case Issued():
+        case IssueRecord():
             whose = f"partner {record.partner}" if record.partner else "the pilot"
             until = f"good until {_day(record.not_after)}, serial {record.serial:x}"
             return f"{record.common_name} issued: {record.device_kind} of {whose}, {record.address}, {until}"
-        case Delivered():
+        case DeliveryRecord():
             return f"{record.common_name} handed out: {record.path} (SHA-256 {record.sha256})"
-        case Revoked():
+        case RevocationRecord():
             return f"{record.common_name} revoked: {record.reason}"
-        case Taken():
-            serials = _listed(tuple(f"{serial:x}" for serial in record.serials))
+        case TakeoverRecord():
+            serials = _join_names(tuple(f"{serial:x}" for serial in record.serials))
             return f"taken over from the server's list, issued by a copy of the authority that is lost: {serials}"
 
 
-def _of_server(record: Seen | Superseded | Settled) -> str:
+def _of_server(record: SightingRecord | SupersedeRecord | SettlementRecord) -> str:
     match record:
-        case Seen():
+        case SightingRecord():
             return f"{record.common_name} was connected, last at {record.last:%Y-%m-%d %H:%M} UTC"
-        case Superseded():
+        case SupersedeRecord():
             return f"{record.common_name} superseded: {record.by} was seen in use"
-        case Settled():
+        case SettlementRecord():
             return f"the server confirmed that {record.common_name} is out"
 
 
 def _of_authority(
-    record: Founded | ServerIssued | Published | Resealed | ClockTrusted,
+    record: FoundingRecord | ServerIssueRecord | PublicationRecord | ResealRecord | ClockTrustRecord,
 ) -> str:
     match record:
-        case Founded():
+        case FoundingRecord():
             return f"authority {record.ca_common_name} founded, good until {_day(record.ca_not_after)}"
-        case ServerIssued():
+        case ServerIssueRecord():
             names = ", ".join((*record.dns, *map(str, record.addresses)))
             return f"server certificate {record.common_name} issued for {names}, good until {_day(record.not_after)}"
-        case Published():
+        case PublicationRecord():
             current = f"{record.revoked} revoked, good until {_day(record.next_update)}"
             return f"revocation list {record.number} signed: {current}"
-        case Resealed():
+        case ResealRecord():
             return f"the CA key was put under another passphrase ({record.sealed_by})"
-        case ClockTrusted():
+        case ClockTrustRecord():
             return (
                 f"the clock was said to be right, although the record before is of {record.before:%Y-%m-%d %H:%M} UTC"
             )
 
 
-def _listed(names: tuple[str, ...]) -> str:
-    text = ", ".join(names[:_NAMED])
-    return text if len(names) <= _NAMED else f"{text} and {len(names) - _NAMED} more"
+def _join_names(names: tuple[str, ...]) -> str:
+    text = ", ".join(names[:_MAX_NAMES])
+    return text if len(names) <= _MAX_NAMES else f"{text} and {len(names) - _MAX_NAMES} more"
 
 
 def _day(moment: datetime) -> str:

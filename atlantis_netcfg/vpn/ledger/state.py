@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
-from atlantis_netcfg.vpn.ledger.file import LedgerDamaged, LedgerEntry
+from atlantis_netcfg.vpn.ledger.file import CorruptLedgerError, LedgerEntry
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -37,13 +37,13 @@ class LedgerState:
     """The state after a number of entries; more can be applied. Each kind of record has its method."""
 
     def __init__(self, entries: Iterable[LedgerEntry] = ()) -> None:
-        self.founded: records.Founded | None = None
-        self.server: records.ServerIssued | None = None
-        self.published: records.Published | None = None
-        self.delivered: dict[str, records.Delivered] = {}
+        self.founded: records.FoundingRecord | None = None
+        self.server: records.ServerIssueRecord | None = None
+        self.published: records.PublicationRecord | None = None
+        self.delivered: dict[str, records.DeliveryRecord] = {}
         """The last hand-out of each common name."""
-        self.issued: dict[str, records.Issued] = {}
-        self.open: dict[str, records.Begun] = {}
+        self.issued: dict[str, records.IssueRecord] = {}
+        self.open: dict[str, records.BeginRecord] = {}
         """Commands without their end, by operation."""
         self.pending: dict[str, str] = {}
         """Common names that were recorded and not handed out, with the operation of each."""
@@ -65,20 +65,20 @@ class LedgerState:
         try:
             step(entry, entry.record)
         except KeyError as unknown:
-            raise LedgerDamaged(
+            raise CorruptLedgerError(
                 f"line {entry.number} of the ledger is about {unknown}, which was never issued",
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
     def membership(self) -> MembershipList:
         """Who is in the VPN, as a value."""
-        listed = self.published
+        crl_record = self.published
         return MembershipList(
             members=MappingProxyType({name: self.member(name) for name in self._holders}),
-            crl_number=listed.number if listed else 0,
-            crl_sha256=listed.sha256 if listed else "",
-            crl_next_update=listed.next_update if listed else datetime.min.replace(tzinfo=UTC),
-            queued=tuple(self._queued),
+            crl_number=crl_record.number if crl_record else 0,
+            crl_sha256=crl_record.sha256 if crl_record else "",
+            crl_next_update=crl_record.next_update if crl_record else datetime.min.replace(tzinfo=UTC),
+            queued_names=tuple(self._queued),
         )
 
     def member(self, name: str) -> Member:
@@ -86,17 +86,17 @@ class LedgerState:
         holder = self._holders[name]
         return replace(holder.member, certificates=tuple(holder.certificates.values()))
 
-    def _founded(self, _: LedgerEntry, record: records.Founded) -> None:
+    def _founded(self, _: LedgerEntry, record: records.FoundingRecord) -> None:
         self.founded = record
 
-    def _server_issued(self, _: LedgerEntry, record: records.ServerIssued) -> None:
+    def _server_issued(self, _: LedgerEntry, record: records.ServerIssueRecord) -> None:
         self.server = record
 
-    def _begun(self, entry: LedgerEntry, record: records.Begun) -> None:
+    def _begun(self, entry: LedgerEntry, record: records.BeginRecord) -> None:
         self.open[entry.operation] = record
         self.done[entry.operation] = set()
 
-    def _committed(self, entry: LedgerEntry, _: records.Committed) -> None:
+    def _committed(self, entry: LedgerEntry, _: records.CommitRecord) -> None:
         self._close(entry.operation)
 
     def _rolled_back(self, entry: LedgerEntry, record: records.RolledBack) -> None:
@@ -104,7 +104,7 @@ class LedgerState:
         for common_name in record.common_names:
             self.pending.pop(common_name, None)
 
-    def _issued(self, entry: LedgerEntry, record: records.Issued) -> None:
+    def _issued(self, entry: LedgerEntry, record: records.IssueRecord) -> None:
         self.issued[record.common_name] = record
         self.pending[record.common_name] = entry.operation
         holder = self._holders.get(record.name)
@@ -126,42 +126,42 @@ class LedgerState:
         )
         holder.certificates[record.common_name] = certificate
 
-    def _delivered(self, entry: LedgerEntry, record: records.Delivered) -> None:
+    def _delivered(self, entry: LedgerEntry, record: records.DeliveryRecord) -> None:
         self.delivered[record.common_name] = record
         self._did(entry, record.common_name)
         if self.pending.pop(record.common_name, None) is not None:
             self._holder(record.common_name).member = _member(self.issued[record.common_name])
             self._put(record.common_name, standing=CertificateStatus.ISSUED, revoked=None, reason="")
 
-    def _revoked(self, entry: LedgerEntry, record: records.Revoked) -> None:
+    def _revoked(self, entry: LedgerEntry, record: records.RevocationRecord) -> None:
         self._put(record.common_name, standing=CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason)
         self._did(entry, record.common_name)
         self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
             self._queued[record.common_name] = None
 
-    def _seen(self, _: LedgerEntry, record: records.Seen) -> None:
+    def _seen(self, _: LedgerEntry, record: records.SightingRecord) -> None:
         if self._good(record.common_name):
             self._put(record.common_name, standing=CertificateStatus.SEEN, seen=record.last)
 
-    def _superseded(self, entry: LedgerEntry, record: records.Superseded) -> None:
+    def _superseded(self, entry: LedgerEntry, record: records.SupersedeRecord) -> None:
         if self._good(record.common_name):
             reason = f"{record.by} was seen in use"
             self._put(record.common_name, standing=CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason)
 
-    def _settled(self, _: LedgerEntry, record: records.Settled) -> None:
+    def _settled(self, _: LedgerEntry, record: records.SettlementRecord) -> None:
         self._queued.pop(record.common_name, None)
 
-    def _published(self, _: LedgerEntry, record: records.Published) -> None:
+    def _published(self, _: LedgerEntry, record: records.PublicationRecord) -> None:
         self.published = record
 
-    def _taken(self, entry: LedgerEntry, record: records.Taken) -> None:
+    def _taken(self, entry: LedgerEntry, record: records.TakeoverRecord) -> None:
         self.taken.update(dict.fromkeys(record.serials, entry.at))
 
-    def _resealed(self, _: LedgerEntry, record: records.Resealed) -> None:
+    def _resealed(self, _: LedgerEntry, record: records.ResealRecord) -> None:
         """Of interest to an audit alone."""
 
-    def _clock_trusted(self, _: LedgerEntry, record: records.ClockTrusted) -> None:
+    def _clock_trusted(self, _: LedgerEntry, record: records.ClockTrustRecord) -> None:
         """Of interest to an audit alone."""
 
     def _good(self, common_name: str) -> bool:
@@ -184,7 +184,7 @@ class LedgerState:
         certificates[common_name] = replace(certificates[common_name], **changes)
 
 
-def _member(record: records.Issued) -> Member:
+def _member(record: records.IssueRecord) -> Member:
     return Member(
         name=record.name,
         kind=record.device_kind,

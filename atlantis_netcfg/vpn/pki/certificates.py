@@ -22,9 +22,9 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, ExtensionOID, NameOID
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.vpn.identity import KeyType
 from atlantis_netcfg.vpn.pki.keys import (
-    CertificateRefused,
-    CrlRefused,
-    KeyDamaged,
+    CorruptKeyError,
+    InvalidCertificateError,
+    InvalidCrlError,
     PrivateKey,
     PublicKey,
     load_key,
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 CA_DAYS = 3652
 SERVER_DAYS = 1826
-BACKDATED = timedelta(days=30)
+BACKDATE = timedelta(days=30)
 """Of the CA and the server: a gateway whose clock has no battery starts behind, and must still come up (facts 7)."""
 CLIENT_BACKDATED = timedelta(days=1)
 """The server's clock is kept; a day is for the time zone that somebody has set wrong."""
@@ -63,14 +63,16 @@ class Ca:
 def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
     """A CA for ten years, which signs certificates of devices and revocation lists, and no further CA."""
     if _CA_NAME.fullmatch(name) is None:
-        raise CertificateRefused(f"no name for a certificate authority: {name!r}", hint="use letters, digits and -")
+        raise InvalidCertificateError(
+            f"no name for a certificate authority: {name!r}", hint="use letters, digits and -"
+        )
     key = new_key(kind)
     public, subject = key.public_key(), _subject(name)
     usage = _usage(key_cert_sign=True, crl_sign=True)
     builder = (
         x509.CertificateBuilder(subject_name=subject, issuer_name=subject, public_key=public)
         .serial_number(new_serial())
-        .not_valid_before(_whole(now) - BACKDATED)
+        .not_valid_before(_whole(now) - BACKDATE)
         .not_valid_after(_whole(now) + timedelta(days=CA_DAYS))
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(usage, critical=True)
@@ -83,7 +85,7 @@ def load_ca(certificate: str, key: Secret) -> Ca:
     """The CA of two PEM texts. Raises KeyDamaged if they do not belong together."""
     ca = Ca(load_cert(certificate), load_key(key))
     if ca.certificate.public_key() != ca.key.public_key():
-        raise KeyDamaged(
+        raise CorruptKeyError(
             "the CA's key is not the key of the CA's certificate",
             hint="restore both files from the same backup of the authority",
         )
@@ -106,7 +108,7 @@ def new_server(  # noqa: PLR0913, PLR0917 - what a server's certificate says
     encipher = isinstance(public_key, rsa.RSAPublicKey)
     # OpenVPN before 2.5 wants one of the two beside the signature (its `remote-cert-ku`).
     usage = _usage(digital_signature=True, key_encipherment=encipher, key_agreement=not encipher)
-    builder = _builder(ca, public_key, common_name, serial, now, (BACKDATED, timedelta(days=days)))
+    builder = _builder(ca, public_key, common_name, serial, now, (BACKDATE, timedelta(days=days)))
     builder = builder.add_extension(usage, critical=True)
     builder = builder.add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
     if names:
@@ -139,7 +141,7 @@ def load_cert(pem: str) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(pem.encode())
     except (ValueError, x509.InvalidVersion):
-        raise KeyDamaged("this is no certificate", hint="restore it from your backup of the authority") from None
+        raise CorruptKeyError("this is no certificate", hint="restore it from your backup of the authority") from None
 
 
 def sha256(certificate: x509.Certificate) -> str:
@@ -160,9 +162,9 @@ def _builder(  # noqa: PLR0913, PLR0917 - as above
     ca: Ca, public_key: PublicKey, common_name: str, serial: int, now: datetime, span: tuple[timedelta, timedelta]
 ) -> x509.CertificateBuilder:
     if _COMMON_NAME.fullmatch(common_name) is None:
-        raise CertificateRefused(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
+        raise InvalidCertificateError(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
     if not 0 < serial < 1 << 159:
-        raise CertificateRefused("a serial number has 1 to 159 bits", hint="this is our fault: please report it")
+        raise InvalidCertificateError("a serial number has 1 to 159 bits", hint="this is our fault: please report it")
     start, end = _dates(ca.certificate, now, *span)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     authority = x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(identifier)
@@ -178,15 +180,15 @@ def _dates(ca: x509.Certificate, now: datetime, before: timedelta, after: timede
     now = _whole(now)
     first, last = ca.not_valid_before_utc, ca.not_valid_after_utc
     if after < timedelta(days=1):
-        raise CertificateRefused("a certificate is good for at least one day", hint="days=397")
+        raise InvalidCertificateError("a certificate is good for at least one day", hint="days=397")
     if not first <= now < last:
-        raise CertificateRefused(
+        raise InvalidCertificateError(
             f"the certificate authority is good from {first:%Y-%m-%d} to {last:%Y-%m-%d}, and this computer's date is "
             f"{now:%Y-%m-%d}",
             hint="set this computer's clock right; after its end a new authority is needed",
         )
     if now + after > last:
-        raise CertificateRefused(
+        raise InvalidCertificateError(
             f"a certificate for {after.days} days would outlive the certificate authority ({last:%Y-%m-%d})",
             hint=f"days={(last - now).days}, or make a new authority",
         )
@@ -245,7 +247,9 @@ class CrlFacts:
     """Of the file, hex."""
 
 
-def new_crl(ca: Ca, revoked: Iterable[RevokedSerial], number: int, now: datetime, days: int = CRL_DAYS) -> bytes:
+def new_crl(
+    ca: Ca, revoked_serials: Iterable[RevokedSerial], number: int, now: datetime, days: int = CRL_DAYS
+) -> bytes:
     """Sign a list; PEM. `number` must be above that of every list before it."""
     now = now.astimezone(UTC).replace(microsecond=0)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
@@ -254,7 +258,7 @@ def new_crl(ca: Ca, revoked: Iterable[RevokedSerial], number: int, now: datetime
         x509.RevokedCertificateBuilder(
             revoked_serial.serial, revoked_serial.date.astimezone(UTC).replace(microsecond=0)
         ).build()
-        for revoked_serial in revoked
+        for revoked_serial in revoked_serials
     ]
     builder = (
         x509.CertificateRevocationListBuilder(ca.certificate.subject, now, now + timedelta(days=days), [], lines)
@@ -306,10 +310,10 @@ def publish(  # noqa: PLR0913 - a list, and what it is checked against
     force.
     """
     facts = check_crl(pem, ca_certificate, above=above, now=now)
-    modified = int(now.timestamp())
+    mtime = int(now.timestamp())
     if path.exists():
-        modified = max(modified, int(path.stat().st_mtime) + 1)
-    write_atomically(path, pem, mode=mode, modified=modified)
+        mtime = max(mtime, int(path.stat().st_mtime) + 1)
+    write_atomically(path, pem, mode=mode, modified_at=mtime)
     return facts
 
 
@@ -358,7 +362,7 @@ def _error_text(now: datetime) -> str:
 
 
 def _refuse(why: str) -> NoReturn:
-    raise CrlRefused(
+    raise InvalidCrlError(
         f"the revocation list was not published: {why}",
         hint="look at this computer's clock, then sign a new one: provision vpn sync --sign",
     )

@@ -34,17 +34,17 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 
 
-class CertificateRefused(UsageError):
+class InvalidCertificateError(UsageError):
     """A certificate that would not be worth what it says; nothing was signed."""
 
 
-class CrlRefused(NetcfgError):
+class InvalidCrlError(NetcfgError):
     """A revocation list that must not come before a server: it would admit the revoked, or lock everybody out."""
 
     exit = ExitCode.FAILED
 
 
-class KeyDamaged(NetcfgError):
+class CorruptKeyError(NetcfgError):
     """A key file that holds no such key, or not the one that belongs to the certificate beside it."""
 
     exit = ExitCode.FAILED
@@ -58,7 +58,7 @@ class WeakPassphrase(UsageError):
     """Too easy to guess to seal anything with; nothing was written."""
 
 
-class SealDamaged(NetcfgError):
+class CorruptSealError(NetcfgError):
     """A sealed file that is cut, changed, or nothing of the kind: no passphrase would open it."""
 
     exit = ExitCode.FAILED
@@ -70,7 +70,7 @@ class SealTooLarge(NetcfgError):
     exit = ExitCode.FAILED
 
 
-class RecipientRefused(UsageError):
+class InvalidRecipientError(UsageError):
     """A text that is no key which files can be encrypted to."""
 
 
@@ -116,7 +116,9 @@ def load_key(pem: Secret) -> PrivateKey:
     except (ValueError, TypeError):
         key = None
     if not isinstance(key, PrivateKey):
-        raise KeyDamaged("this is no private key of ours", hint="restore the file from your backup of the authority")
+        raise CorruptKeyError(
+            "this is no private key of ours", hint="restore the file from your backup of the authority"
+        )
     return key
 
 
@@ -164,20 +166,20 @@ class FirstPacket:
 
     def datagram(self) -> bytes:
         """Give the packet as it is sent now."""
-        keys, wrapped = _client_bytes(self.wrap_key)
-        head = bytes([_HARD_RESET_V3 if wrapped else _HARD_RESET_V2]) + self.session
+        keys, wrapped_key = _client_bytes(self.wrap_key)
+        head = bytes([_HARD_RESET_V3 if wrapped_key else _HARD_RESET_V2]) + self.session
         head += _EARLY.to_bytes(4, "big") + int(time.time()).to_bytes(4, "big")
         plain = bytes(5)  # nothing acknowledged, message 0
         tag = hmac.digest(keys[192:224], head + plain, sha256)
-        return head + tag + _ctr(keys[128:160], tag, plain) + wrapped
+        return head + tag + _ctr(keys[128:160], tag, plain) + wrapped_key
 
     def is_answer(self, datagram: bytes) -> bool:
         """Whether a server that has the key has made it, for this session."""
         keys, _ = _client_bytes(self.wrap_key)
-        head, tag, sealed = datagram[:17], datagram[17:49], datagram[49:]
-        if not sealed or head[0] & 0xF8 != _HARD_RESET_OF_SERVER:
+        head, tag, ciphertext = datagram[:17], datagram[17:49], datagram[49:]
+        if not ciphertext or head[0] & 0xF8 != _HARD_RESET_OF_SERVER:
             return False
-        plain = _ctr(keys[:32], tag, sealed)
+        plain = _ctr(keys[:32], tag, ciphertext)
         is_made_by_server = hmac.compare_digest(hmac.digest(keys[64:96], head + plain, sha256), tag)
         return is_made_by_server and plain.startswith(bytes([1]) + bytes(4) + self.session)  # message 0 acknowledged
 
@@ -201,7 +203,9 @@ def _server_bytes(key: Secret) -> bytes:
     except ValueError:
         data = b""
     if len(data) != 128:  # noqa: PLR2004 - two keys of 64 bytes each
-        raise KeyDamaged("this is no tls-crypt-v2 key of a server", hint="restore it from a backup of the authority")
+        raise CorruptKeyError(
+            "this is no tls-crypt-v2 key of a server", hint="restore it from a backup of the authority"
+        )
     return data
 
 

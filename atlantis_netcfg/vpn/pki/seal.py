@@ -18,7 +18,13 @@ import pyrage
 
 from atlantis_netcfg.core import passwords
 from atlantis_netcfg.vpn.pki import age_file
-from atlantis_netcfg.vpn.pki.keys import RecipientRefused, SealDamaged, SealTooLarge, WeakPassphrase, WrongPassphrase
+from atlantis_netcfg.vpn.pki.keys import (
+    CorruptSealError,
+    InvalidRecipientError,
+    SealTooLarge,
+    WeakPassphrase,
+    WrongPassphrase,
+)
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
@@ -39,21 +45,22 @@ _X25519 = re.compile(r"age1[02-9ac-hj-np-z]{58}")
 def seal(data: bytes, passphrase: Secret) -> bytes:
     """Encrypt; text that `age --decrypt` opens as well. Slow by intent. Raises WeakPassphrase, SealTooLarge."""
     check_passphrase(passphrase, SEAL_GUESSES)
-    needed, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
-    if free is not None and free < needed:
+    needed_bytes, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
+    if free is not None and free < needed_bytes:
         raise SealTooLarge(
-            f"sealing it takes {needed >> 20} MiB of memory, and this computer has {free >> 20} MiB left", hint=_LARGER
+            f"sealing it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
+            hint=_LARGER,
         )
     return age_file.encrypt(data, passphrase.reveal())
 
 
-def unseal(sealed: bytes, passphrase: Secret) -> bytes:
+def unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged, SealTooLarge."""
-    if not _binary(sealed).startswith(_BY_PASSPHRASE):
-        raise SealDamaged("this is no file that age has sealed with a passphrase", hint=_RESTORE)
-    _check_memory(opening_bytes(sealed))
+    if not _binary(sealed_data).startswith(_BY_PASSPHRASE):
+        raise CorruptSealError("this is no file that age has sealed with a passphrase", hint=_RESTORE)
+    _check_memory(opening_bytes(sealed_data))
     try:
-        return bytes(pyrage.passphrase.decrypt(sealed, passphrase.reveal()))
+        return bytes(pyrage.passphrase.decrypt(sealed_data, passphrase.reveal()))
     except pyrage.DecryptError as error:
         raise _opening(error) from None
 
@@ -68,9 +75,9 @@ def seal_for(data: bytes, recipient: str, *others: str) -> bytes:
     return bytes(pyrage.encrypt(data, [_recipient(item) for item in (recipient, *others)], armored=True))
 
 
-def opening_bytes(sealed: bytes) -> int:
+def opening_bytes(sealed_data: bytes) -> int:
     """Memory that scrypt takes to open what age has sealed by a passphrase."""
-    match = _SCRYPT.search(_binary(sealed))
+    match = _SCRYPT.search(_binary(sealed_data))
     return _scrypt_bytes(int(match[1])) if match is not None else 0
 
 
@@ -93,22 +100,22 @@ def check_passphrase(passphrase: Secret, guesses: int) -> None:
         )
 
 
-def unseal_with(sealed: bytes, identity: Secret) -> bytes:
+def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
     """What was encrypted to the public half of `AGE-SECRET-KEY-1…`.
 
     Raises RecipientRefused, WrongPassphrase, SealDamaged.
     """
-    _binary(sealed)
+    _binary(sealed_data)
     try:
         key = pyrage.x25519.Identity.from_str(identity.reveal().strip())
     except pyrage.IdentityError:
-        raise RecipientRefused("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
+        raise InvalidRecipientError("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
     try:
-        return bytes(pyrage.decrypt(sealed, [key]))
+        return bytes(pyrage.decrypt(sealed_data, [key]))
     except pyrage.DecryptError as error:
         if str(error) == "No matching keys found":
             raise WrongPassphrase("it was sealed for another key", hint="use the key that it was sealed for") from None
-        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE) from None
+        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
 
 
 def vault_seal(data: bytes, passphrase: Secret) -> bytes:
@@ -117,34 +124,34 @@ def vault_seal(data: bytes, passphrase: Secret) -> bytes:
     return bytes(_vault(passphrase).encrypt(data, salt=os.urandom(32)))  # type: ignore[attr-defined] # no types
 
 
-def vault_unseal(sealed: bytes, passphrase: Secret) -> bytes:
+def vault_unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """What ansible-vault has encrypted. Raises WrongPassphrase, SealDamaged."""
-    if not sealed.startswith(b"$ANSIBLE_VAULT;"):
-        raise SealDamaged("this is no file that ansible-vault has encrypted", hint=_RESTORE)
+    if not sealed_data.startswith(b"$ANSIBLE_VAULT;"):
+        raise CorruptSealError("this is no file that ansible-vault has encrypted", hint=_RESTORE)
     from ansible.errors import AnsibleError  # noqa: PLC0415 - as below
     from ansible.parsing.vault import AnsibleVaultFormatError  # noqa: PLC0415
 
     try:
-        return bytes(_vault(passphrase).decrypt(sealed))  # type: ignore[attr-defined] # no types
+        return bytes(_vault(passphrase).decrypt(sealed_data))  # type: ignore[attr-defined] # no types
     except AnsibleVaultFormatError:
-        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE) from None
+        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
     except AnsibleError:
         raise _wrong() from None
 
 
-_SHOWN = 30
+_MAX_SHOWN = 30
 """Letters of what is no recipient: enough to know it again, in case that it was meant to be kept."""
 _LARGER = "end other programs, or do this on a larger computer"
 _RESTORE = "restore it from your backup of the authority"
 _STRONGER = "take six words that a die has chosen, and keep them where the authority's folder is not"
 
 
-def _check_memory(needed: int) -> None:
+def _check_memory(needed_bytes: int) -> None:
     """Before scrypt takes it: on a small computer the kernel would end somebody without a word."""
     free = _free_bytes()
-    if free is not None and free < needed:
+    if free is not None and free < needed_bytes:
         raise SealTooLarge(
-            f"opening it takes {needed >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
+            f"opening it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
             hint=_LARGER,
         )
 
@@ -162,19 +169,19 @@ def _power(number: float) -> str:
     return f"10^{number:.0f}"
 
 
-def _binary(sealed: bytes) -> bytes:
+def _binary(sealed_data: bytes) -> bytes:
     """A file of age without its armour."""
-    match = _ARMOR.fullmatch(sealed)
+    match = _ARMOR.fullmatch(sealed_data)
     try:
-        data = base64.b64decode(b"".join(match[1].split()), validate=True) if match else sealed
+        data = base64.b64decode(b"".join(match[1].split()), validate=True) if match else sealed_data
     except ValueError:
         data = b""
     if not data.startswith(b"age-encryption.org/v1\n"):
-        raise SealDamaged("the sealed file is cut or damaged", hint=_RESTORE)
+        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
     return data
 
 
-def _opening(error: pyrage.DecryptError) -> WrongPassphrase | SealDamaged | SealTooLarge:
+def _opening(error: pyrage.DecryptError) -> WrongPassphrase | CorruptSealError | SealTooLarge:
     """The same is said by age of a wrong passphrase and of a change in the one line that it opens."""
     if str(error) == "Decryption failed":
         return _wrong()
@@ -183,7 +190,7 @@ def _opening(error: pyrage.DecryptError) -> WrongPassphrase | SealDamaged | Seal
             "it was sealed on a much faster computer, and opening it would take this one too long",
             hint="open it on a faster computer",
         )
-    return SealDamaged("the sealed file is cut or damaged", hint=_RESTORE)
+    return CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
 
 
 def _wrong() -> WrongPassphrase:
@@ -202,9 +209,11 @@ def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
     except pyrage.RecipientError:
         pass
     secret = "AGE-SECRET-KEY" in text.upper() or "PRIVATE KEY" in text.upper()
-    shown = text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
-    raise RecipientRefused(
-        "that is a secret key; the recipient's public one is needed" if secret else f"no key of a recipient: {shown!r}",
+    excerpt = text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}…"
+    raise InvalidRecipientError(
+        "that is a secret key; the recipient's public one is needed"
+        if secret
+        else f"no key of a recipient: {excerpt!r}",
         hint="ask for the line that age-keygen shows (age1…), or for an ssh-ed25519 public key",
     )
 

@@ -11,7 +11,7 @@ import pytest
 from second_client import AtClient, BeaconClient, Wire
 
 from atlantis_netcfg.checklist import Scope, plan
-from atlantis_netcfg.checklist.probes import Answer, Cell, Judged, Listen, Place, Probe, acoustic, usbl
+from atlantis_netcfg.checklist.probes import Answer, Cell, Listen, Place, Probe, ProbeResult, acoustic, usbl
 from atlantis_netcfg.checklist.runner import OnAnswer, ask_here, examine
 from atlantis_netcfg.checklist.runner.results import Questions
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
@@ -151,7 +151,7 @@ ASKED: dict[str, tuple[tuple[str, str, str], tuple[Twin, ...], list[str]]] = {
         ["too-loud"],
     ),
     "refused": (("girona500", "acoustic", ""), (RunningEvologics(EvologicsSpec(refuses=True)),), ["in-use"]),
-    "held": (("girona500", "acoustic", ""), (RunningEvologics(EvologicsSpec(held=True)),), ["in-use"]),
+    "held": (("girona500", "acoustic", ""), (RunningEvologics(EvologicsSpec(is_occupied=True)),), ["in-use"]),
     "silent": (("girona500", "acoustic", ""), (RunningEvologics(EvologicsSpec(silent=True)),), ["in-use"]),
     "beacon": (("zarco", "acoustic", ""), (RunningSeatrac(SeatracSpec()),), ["listens"]),
     "beacon on a serial port": (("zarco", "acoustic", ""), (RunningSeatrac(SeatracSpec(serial=True)),), ["listens"]),
@@ -179,7 +179,7 @@ def test_probes_through_the_real_ear() -> None:
 
 def _codes(name: str, probe: Probe, answers: object) -> list[str]:
     assert isinstance(answers, dict)
-    judged: Judged = probe.judge({one.name: answers[f"{name}#{one.name}"] for one in probe.asks()})
+    judged: ProbeResult = probe.judge({one.name: answers[f"{name}#{one.name}"] for one in probe.asks()})
     return [finding.code for finding in judged.findings]
 
 

@@ -53,7 +53,7 @@ def main() -> None:
         ignore,
         lambda: iter([Secret("")]),
         via=via,
-        rehearsed=True,
+        is_rehearsal=True,
         locate=locate,
     )
     adoption.carry_out(lambda _: None)

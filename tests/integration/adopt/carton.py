@@ -56,7 +56,7 @@ class Carton:
             "provision adopt",
             self._notify,
             lambda: iter(map(Secret, passwords)),
-            rehearsed=True,
+            is_rehearsal=True,
             **{"wait_s": 10.0, **options},
         )
         adoption.locate = self._locate

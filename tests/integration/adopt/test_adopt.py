@@ -11,10 +11,10 @@ from test_hints_of_vpn import Laptop, laptop
 
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.emulator.routeros import DeviceMode, DeviceModeName, User
-from atlantis_netcfg.routeros.console.types import HostKeyChanged, LoginFailed
+from atlantis_netcfg.routeros.console.types import ConsoleLoginError, HostKeyMismatch
 from atlantis_netcfg.routeros.first_contact import steps
-from atlantis_netcfg.routeros.first_contact.run import CutOff, NotFactoryFresh, PreflightRefused, StillToMove
-from atlantis_netcfg.runs import ContactStep, ContactStepDone, Outcome, Pinned, Store
+from atlantis_netcfg.routeros.first_contact.run import CutOff, NotFactoryFresh, PreflightError, StillToMove
+from atlantis_netcfg.runs import ContactStep, ContactStepDone, Outcome, PinRecord, Store
 
 __all__ = ["laptop"]
 pytestmark = pytest.mark.slow
@@ -40,7 +40,7 @@ def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
     result = box.adopt()
     assert (result.status, result.exit) == ("changed", ExitCode.DONE)
     assert box.export() == adopted_export()
-    store = Store(box.state, rehearsed=True)
+    store = Store(box.state, is_rehearsal=True)
     info = box.site.do(ROUTER, "info")
     assert store.pins.get(ROUTER) == info["pin"]
     assert store.pins.host_key(ROUTER) == info["host_key"]
@@ -48,7 +48,7 @@ def test_a_box_becomes_an_adopted_router(box: Carton) -> None:
     begun = [one.step for one in run.log.records if isinstance(one, ContactStep)]
     assert begun == ["clock", "user", "certificate", "api-ssl", "management", "clear", "users"]
     assert begun == [one.step for one in run.log.records if isinstance(one, ContactStepDone)]
-    assert [one.certificate for one in run.log.records if isinstance(one, Pinned)] == [info["pin"]]
+    assert [one.certificate for one in run.log.records if isinstance(one, PinRecord)] == [info["pin"]]
     assert [one.status for one in run.log.records if isinstance(one, Outcome)] == ["changed"]
     saved = run.before(ROUTER)
     assert saved is not None
@@ -62,7 +62,7 @@ def test_the_second_run_changes_nothing(box: Carton) -> None:
     assert (result.status, result.exit) == ("unchanged", ExitCode.DONE)
     assert result.message == "already adopted: nothing was changed"
     assert box.export() == before
-    second = Store(box.state, rehearsed=True).runs("scc")[1]
+    second = Store(box.state, is_rehearsal=True).runs("scc")[1]
     assert not [one for one in second.log.records if isinstance(one, ContactStep)]
 
 
@@ -72,7 +72,7 @@ def test_a_plan_touches_nothing(box: Carton) -> None:
     assert result.exit is ExitCode.CHANGES
     assert result.steps[1:3] == ("add user provision (group full)", "make certificate atlantis-api on the device")
     assert box.export() == before
-    store = Store(box.state, rehearsed=True)
+    store = Store(box.state, is_rehearsal=True)
     assert store.pins.host_key(ROUTER) is None
     assert store.runs("scc") == ()
     box.adopt()
@@ -97,7 +97,7 @@ def test_nobody_who_comes_over_leaves_both_ways(box: Carton) -> None:
     assert "plug the laptop into ether8, give it the address 10.64.100.10/24" in str(still.value.hint)
     assert box.adopt().status == "changed"
     assert box.export() == adopted_export()
-    assert [one.outcomes[ROUTER].status for one in Store(box.state, rehearsed=True).runs("scc")] == [
+    assert [one.outcomes[ROUTER].status for one in Store(box.state, is_rehearsal=True).runs("scc")] == [
         "half-adopted",
         "changed",
     ]
@@ -112,7 +112,7 @@ def test_somebodys_router_is_not_touched(tmp_path: Path) -> None:
         assert refused.value.exit is ExitCode.FAILED
         assert words(refused.value) == golden("not-factory-fresh")
         assert box.export() == before
-        assert Store(box.state, rehearsed=True).pins.host_key(ROUTER) is None
+        assert Store(box.state, is_rehearsal=True).pins.host_key(ROUTER) is None
 
 
 def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
@@ -122,7 +122,7 @@ def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
     with carton(tmp_path, seed=seed, users=users) as box:
         assert box.adopt(take_over=True).status == "changed"
         assert box.export() == adopted_export()
-        (run,) = Store(box.state, rehearsed=True).runs("scc")
+        (run,) = Store(box.state, is_rehearsal=True).runs("scc")
         saved = run.before(ROUTER)
         assert saved is not None
         assert "name=boat" in saved.text()
@@ -132,7 +132,7 @@ def test_somebodys_router_is_taken_over_when_told_so(tmp_path: Path) -> None:
 def test_a_wrong_password(tmp_path: Path) -> None:
     with carton(tmp_path, users=(User(name="admin", password="sticker"),)) as box:
         before = box.export()
-        with pytest.raises(LoginFailed) as failed:
+        with pytest.raises(ConsoleLoginError) as failed:
             box.adopt()
         assert words(failed.value) == golden("wrong-password")
         assert box.export() == before
@@ -142,12 +142,12 @@ def test_a_wrong_password(tmp_path: Path) -> None:
 def test_another_host_key_is_refused(box: Carton) -> None:
     box.adopt()
     box.site.do(ROUTER, "rekey")
-    with pytest.raises(HostKeyChanged) as changed:
+    with pytest.raises(HostKeyMismatch) as changed:
         box.adopt()
     assert words(changed.value) == golden("changed-host-key")
-    pins, info = Store(box.state, rehearsed=True).pins, box.site.do(ROUTER, "info")
-    with pytest.raises(LoginFailed, match="so the password of provision was not tried"):
-        box.adopt(replaced=True)  # it is no box from the factory, and nobody has agreed to this key
+    pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
+    with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried"):
+        box.adopt(is_replacement=True)  # it is no box from the factory, and nobody has agreed to this key
     pins.change(ROUTER, info["pin"])  # as `provision trust` does
     pins.change_host_key(ROUTER, info["host_key"])
     assert box.adopt().status == "unchanged"
@@ -157,11 +157,11 @@ def test_another_host_key_is_refused(box: Carton) -> None:
 def test_an_adopted_router_of_another_laptop_is_told_no_password_of_ours(box: Carton) -> None:
     """It has to be agreed to first: by what the inventory declares, or by `provision trust`."""
     box.adopt()
-    pins, info = Store(box.state, rehearsed=True).pins, box.site.do(ROUTER, "info")
+    pins, info = Store(box.state, is_rehearsal=True).pins, box.site.do(ROUTER, "info")
     pins.change(ROUTER, None)
     pins.change_host_key(ROUTER, None)
     for looking in (box.adoption().plan, box.adopt):
-        with pytest.raises(LoginFailed, match="so the password of provision was not tried") as refused:
+        with pytest.raises(ConsoleLoginError, match="so the password of provision was not tried") as refused:
             looking()
         assert "provision trust" in str(refused.value.hint)
     assert (pins.get(ROUTER), pins.host_key(ROUTER)) == (None, None)
@@ -189,9 +189,9 @@ def test_every_version_is_adopted(tmp_path: Path, version: str) -> None:
 
 
 def test_a_flagged_router_is_not_begun_with(tmp_path: Path) -> None:
-    with carton(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME, flagged=True)) as box:
+    with carton(tmp_path, device_mode=DeviceMode(mode=DeviceModeName.HOME, is_flagged=True)) as box:
         before = box.export()
-        with pytest.raises(PreflightRefused, match="device-mode has flagged this router"):
+        with pytest.raises(PreflightError, match="device-mode has flagged this router"):
             box.adopt()
         assert box.export() == before
 
@@ -201,7 +201,7 @@ def test_a_box_is_adopted_over_its_serial_line(tmp_path: Path) -> None:
         result = box.adopt()
         assert result.status == "changed"
         assert box.export() == adopted_export()
-        store = Store(box.state, rehearsed=True)
+        store = Store(box.state, is_rehearsal=True)
         assert store.pins.get(ROUTER) == box.site.do(ROUTER, "info")["pin"]
         assert store.pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]
         assert box.adopt().status == "unchanged"
@@ -222,7 +222,7 @@ def test_what_the_serial_line_cannot_show_is_said(tmp_path: Path, laptop: Laptop
         (words,) = advised(said(note, hint))
         laptop.type(*words)
         assert ROUTER in laptop.plays[0][0]
-        pins = Store(box.state, rehearsed=True).pins
+        pins = Store(box.state, is_rehearsal=True).pins
         assert pins.host_key(ROUTER) is None
         assert box.adopt(via="ssh").status == "unchanged"
         assert pins.host_key(ROUTER) == box.site.do(ROUTER, "info")["host_key"]

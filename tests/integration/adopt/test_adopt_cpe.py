@@ -13,7 +13,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, RunningSite, SiteSpec
 from atlantis_netcfg.operations.adopt import Adoption, AdoptionResult
 from atlantis_netcfg.operations.common.rehearsal import factory_spec, site_spec
-from atlantis_netcfg.routeros.first_contact.run import PreflightRefused
+from atlantis_netcfg.routeros.first_contact.run import PreflightError
 
 pytestmark = pytest.mark.slow
 CPE, ADDRESS = "coastal-cpe", "10.10.0.4"
@@ -39,7 +39,7 @@ class Box:
             "provision adopt",
             lambda event: self.told.append(event.message),
             lambda: iter([Secret("")]),
-            rehearsed=True,
+            is_rehearsal=True,
             wait_s=10.0,
         )
         adoption.locate = self._locate
@@ -94,6 +94,6 @@ def test_the_radio_of_the_newer_driver_is_switched_off_as_well(tmp_path: Path) -
 def test_a_cpe_without_a_driver_is_told_so_before_anything_is_changed(tmp_path: Path) -> None:
     with boxed(tmp_path, packages=("routeros",)) as box:
         before = box.export()
-        with pytest.raises(PreflightRefused, match=r"since 7\.13 `wireless` is a package of its own"):
+        with pytest.raises(PreflightError, match=r"since 7\.13 `wireless` is a package of its own"):
             box.adopt()
         assert box.export() == before

@@ -230,6 +230,6 @@ def test_an_image_says_what_is_on_the_board(tmp_path: Path, packed: bool) -> Non
     target = from_image(
         replace(host, device=host.device.model_copy(update={"image": plain})), image, lambda _done, _total: None
     )
-    assert (target.shown, target.installed["chrony"]) == ("ubuntu focal arm64", "3.5")
+    assert (target.title, target.installed_packages["chrony"]) == ("ubuntu focal arm64", "3.5")
     with pytest.raises(UsageError, match="is not of layout `odroid-n2`"):
         from_image(host, image, lambda _done, _total: None)

@@ -8,7 +8,7 @@ import pytest
 from bundle_stand import HOST, Laptop, arm64
 
 from atlantis_netcfg.computers.bundle.open import open_bundle
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, ContainerArchive, HostRequirements
+from atlantis_netcfg.computers.bundle.requirements import BundleError, ContainerArchive, HostRequirements
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer
 from atlantis_netcfg.operations.bundle import wish_of
@@ -44,11 +44,11 @@ def test_an_archive_is_carried_by_its_hash(laptop: Laptop, plain: HostRequiremen
 
 
 def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements) -> None:
-    with pytest.raises(BundleRefused, match=r"has the SHA-256 .*, and b{64} is declared"):
+    with pytest.raises(BundleError, match=r"has the SHA-256 .*, and b{64} is declared"):
         laptop.make(with_archive(plain, laptop.folder, b"image", "b" * 64))
     wish = with_archive(plain, laptop.folder, b"image")
     wish.archives[0].path.unlink()
-    with pytest.raises(BundleRefused, match=r"there is no .*backend\.tar"):
+    with pytest.raises(BundleError, match=r"there is no .*backend\.tar"):
         laptop.make(wish)
     assert not laptop.place.exists()
 
@@ -56,7 +56,7 @@ def test_another_archive_makes_no_bundle(laptop: Laptop, plain: HostRequirements
 def test_a_bundle_of_an_older_image_does_not_do(laptop: Laptop, plain: HostRequirements) -> None:
     laptop.make(with_archive(plain, laptop.folder, b"image"))
     newer = with_archive(plain, laptop.folder, b"newer image")
-    with pytest.raises(BundleRefused, match=r"backend\.tar with the SHA-256 .*: it is not in the bundle"):
+    with pytest.raises(BundleError, match=r"backend\.tar with the SHA-256 .*: it is not in the bundle"):
         open_bundle(laptop.place, laptop.keys, [newer])
 
 

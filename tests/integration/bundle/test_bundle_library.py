@@ -11,7 +11,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.bu
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_plan import Repository
 from atlantis_netcfg.computers.bundle.manifest import Manifest
 from atlantis_netcfg.computers.bundle.open import open_bundle
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, Library
+from atlantis_netcfg.computers.bundle.requirements import BundleError, Library
 from atlantis_netcfg.emulator.lab.stubs.interop import (
     EXAMPLES,
     LIBRARY,
@@ -120,7 +120,7 @@ def test_the_same_sources_are_the_same_files(laptop: Laptop, server: GitServer) 
 def test_what_the_server_does_not_give_is_told(
     laptop: Laptop, server: GitServer, token: str | None, revision: str, words: str
 ) -> None:
-    with pytest.raises(BundleRefused) as caught:
+    with pytest.raises(BundleError) as caught:
         bundle(laptop, library(server, revision, token=token))
     assert words in str(caught.value)
     assert "wrong" not in str(caught.value)
@@ -139,13 +139,13 @@ def test_a_submodule_that_needs_an_account_is_named(
     laptop: Laptop, server: GitServer, projects: InteropProjects
 ) -> None:
     projects.release("v2.0.0", "ssh", submodule_at="git@git.example.org:c4i/msgs.git")
-    with pytest.raises(BundleRefused, match=r"the submodule c4i-asset-msgs of .* which needs an account"):
+    with pytest.raises(BundleError, match=r"the submodule c4i-asset-msgs of .* which needs an account"):
         bundle(laptop, library(server, "v2.0.0"))
 
 
 def test_a_bundle_with_another_revision_is_not_enough(laptop: Laptop, server: GitServer) -> None:
     bundle(laptop, library(server))
     wish = laptop.wish(laptop.archive((), "again"), libraries=[library(server, "v2.0.0")])
-    with pytest.raises(BundleRefused) as caught:
+    with pytest.raises(BundleError) as caught:
         open_bundle(laptop.place, laptop.keys, [wish])
     assert str(caught.value) == f"{HOST}: {library(server).url} at v2.0.0: the bundle has v1.0.0"

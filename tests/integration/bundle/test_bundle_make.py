@@ -13,7 +13,7 @@ from bundle_stand import HOST, KEYRING, Laptop, arm64, status
 
 from atlantis_netcfg.computers.bundle.manifest import signed_by
 from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, RequirementKey
+from atlantis_netcfg.computers.bundle.requirements import BundleError, RequirementKey
 from atlantis_netcfg.emulator.lab.stubs import publish
 
 PACKAGES = (
@@ -31,7 +31,7 @@ def laptop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Laptop:
 
 
 def refusal(laptop: Laptop, *wishes: object, **how: object) -> list[str]:
-    with pytest.raises(BundleRefused) as caught:
+    with pytest.raises(BundleError) as caught:
         laptop.make(*wishes, **how)  # type: ignore[arg-type]
     return [str(each) for each in caught.value.errors or (caught.value,)]
 
@@ -109,7 +109,7 @@ def test_the_size_is_told_before_and_what_is_there_is_not_fetched_again(laptop: 
 
 def test_an_interrupted_bundle_goes_on_from_what_is_right(laptop: Laptop, monkeypatch: pytest.MonkeyPatch) -> None:
     wish = laptop.wish(laptop.archive(PACKAGES), "ros-foxy-ros-base", "chrony")
-    monkeypatch.setattr("atlantis_netcfg.computers.bundle.build._signed", _killed)
+    monkeypatch.setattr("atlantis_netcfg.computers.bundle.build._write_manifest", _killed)
     with pytest.raises(KeyboardInterrupt):
         laptop.make(wish)
     monkeypatch.undo()
@@ -185,7 +185,7 @@ def test_two_hosts_share_packages_and_each_sees_its_own(laptop: Laptop) -> None:
 def test_a_source_whose_key_is_not_good_is_refused(
     laptop: Laptop, signed: datetime | None, expires: datetime | None, words: str
 ) -> None:
-    archive = publish(laptop.folder / "archive", PACKAGES, codename="focal", signed=signed, expires=expires)
+    archive = publish(laptop.folder / "archive", PACKAGES, codename="focal", signed_at=signed, expires=expires)
     wish = laptop.wish(archive, "chrony")
     if words == "NO_PUBKEY":
         other = publish(laptop.folder / "other", (), codename="focal")

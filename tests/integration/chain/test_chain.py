@@ -17,7 +17,7 @@ from matrix_stand import SERVER
 from own_asked import check, findings, inside
 
 from atlantis_netcfg.checklist.probes import Answer, LinkStatusResult, Rows
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import ProbeResult
 from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:
@@ -40,7 +40,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chain]:
         yield stand
 
 
-def judged(made: Chain, item: str) -> Judged:
+def judged(made: Chain, item: str) -> ProbeResult:
     """Ask the gateway for an item of the site, once more where a busy machine was late with some of its answers.
 
     Nothing here loses a part of what is sent: an element is whole or cut.
@@ -52,7 +52,7 @@ def judged(made: Chain, item: str) -> Judged:
     return result
 
 
-def _judged(made: Chain, item: str) -> Judged:
+def _judged(made: Chain, item: str) -> ProbeResult:
     told: dict[str, Answer] = {
         "clients": Rows(None, "", (TUNNEL,)),
         "addresses": Rows(None, "", ({"address": "10.80.0.11/16", "interface": "ovpn-scc"},)),

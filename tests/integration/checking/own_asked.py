@@ -7,7 +7,15 @@ import asyncio
 from collections.abc import Mapping
 from dataclasses import replace
 
-from atlantis_netcfg.checklist.probes import Answer, Cell, DdsDiscoverRequest, Judged, Probe, ReflectRequest, RunProgram
+from atlantis_netcfg.checklist.probes import (
+    Answer,
+    Cell,
+    DdsDiscoverRequest,
+    Probe,
+    ProbeResult,
+    ReflectRequest,
+    RunProgram,
+)
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.inventory import Declaration
@@ -23,7 +31,9 @@ def check(declaration: Declaration, name: str) -> Probe:
     return probe
 
 
-def inside(namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapping[str, str] | None = None) -> Judged:
+def inside(
+    namespace: str, probe: Probe, told: Mapping[str, Answer], hurry: Mapping[str, str] | None = None
+) -> ProbeResult:
     """Ask what programs print in the namespace, and judge it with what is `told` of the rest.
 
     `hurry`: words of programs that take their time, and those that stand for them.
@@ -40,5 +50,5 @@ def _sooner(question: _Asked, hurry: Mapping[str, str]) -> _Asked:
     return replace(question, within_s=3.0) if hurry and isinstance(question, ReflectRequest) else question
 
 
-def findings(judged: Judged) -> list[str]:
+def findings(judged: ProbeResult) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]

@@ -60,7 +60,7 @@ def test_a_router_is_asked_in_one_session_of_five_round_trips(ears: tuple[RealEa
     assert isinstance(none, Rows)
     assert (none.trouble, none.rows, none.words) == (None, None, "no such command prefix")
     assert isinstance(first, Rows)
-    assert 0 < first.asked <= first.heard
+    assert 0 < first.request_time <= first.response_time
     (spent,) = [event.message for event in ears[1] if event.stage.value == "done"]
     assert spent.startswith("read in 5 round trips, ")
 

@@ -11,7 +11,7 @@ from typing import cast
 
 import pytest
 
-from atlantis_netcfg.checklist.probes import Cell, CommandResult, Judged, Place, RouterOsQuery
+from atlantis_netcfg.checklist.probes import Cell, CommandResult, Place, ProbeResult, RouterOsQuery
 from atlantis_netcfg.checklist.probes.wifi import steps
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, TwinSpec
@@ -53,7 +53,7 @@ class Bridge:
     def air(self, **changes: float) -> None:
         self.twins.do(POINT, "air", **{"distance_m": 150.0, "loss_db": 0.0, **changes})
 
-    def judged(self, mac: str, port: int | None = None) -> Judged:
+    def judged(self, mac: str, port: int | None = None) -> ProbeResult:
         """Ask the access point of the vehicle with this radio; what the gateway's ping would print is data."""
         endpoint = WifiEndpoint.model_validate({"role": "station", "seen_by": POINT, "mac": mac})
         vehicle = self.declaration.vehicles[VEHICLE]
@@ -101,7 +101,7 @@ def _configured(declaration: Declaration, twin: TwinSpec, family: str) -> TwinSp
     return twin.model_copy(update={"link": RouterLink(), "router": twin.router.model_copy(update={"seed": seed})})
 
 
-def said(judged: Judged) -> list[str]:
+def said(judged: ProbeResult) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]
 
 

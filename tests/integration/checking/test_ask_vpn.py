@@ -9,7 +9,7 @@ from matrix_papers import host
 from matrix_stand import SERVER, Vpn, vpn
 from own_asked import GATEWAY, check, findings, inside
 
-from atlantis_netcfg.checklist.probes import Answer, Judged, LinkStatusResult, Rows
+from atlantis_netcfg.checklist.probes import Answer, LinkStatusResult, ProbeResult, Rows
 from atlantis_netcfg.inventory import load
 
 pytestmark = pytest.mark.namespace
@@ -28,7 +28,7 @@ ROUTER = "PASS router-tunnel: ovpn-scc of coastal-router is up, with its declare
 UP = "PASS gateway-tunnel: tun0 of coastal-gateway is up, with its declared address 10.80.0.21"
 
 
-def asked(made: Vpn, hurry: Mapping[str, str] | None = None) -> Judged:
+def asked(made: Vpn, hurry: Mapping[str, str] | None = None) -> ProbeResult:
     return inside(made.name(GATEWAY), check(SHIPPED, "vpn"), TOLD, hurry)
 
 

@@ -35,7 +35,7 @@ def coastal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Command
     with session(
         arguments,
         rehearse=True,
-        chosen=lambda declaration: tuple(one for one in declaration.site_hosts(SITE) if not is_computer(one)),
+        choose_hosts=lambda declaration: tuple(one for one in declaration.site_hosts(SITE) if not is_computer(one)),
     ) as opened:
         assert opened.perform(Mode.APPLY).exit == 0
         yield opened

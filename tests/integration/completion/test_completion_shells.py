@@ -20,7 +20,7 @@ import pyte
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs import RunStart, Store
 
 pytestmark = pytest.mark.slow
 COLUMNS, ROWS = 100, 40
@@ -99,7 +99,7 @@ def environment(folder: Path) -> dict[str, str]:
 
 
 def run(folder: Path) -> str:
-    started = RunStarted(site="coastal", revision="", tool="", hosts=(), rehearsed=False, command="provision")
+    started = RunStart(site="coastal", revision="", tool="", hosts=(), rehearsed=False, command="provision")
     with Store(folder / "state").start(started) as journal:
         return journal.run
 

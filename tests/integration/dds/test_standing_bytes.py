@@ -26,8 +26,8 @@ from waiting import HANG_S
 from atlantis_netcfg.computers.dds import TUNING, ProfileView, profile_in_use, profile_views, profiles
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddleware, TelemetryData, TelemetryTopic
-from atlantis_netcfg.inventory.satellite_allow_list import allowed
-from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, published
+from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
+from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, topic_flow
 from atlantis_netcfg.operations.common.traffic_budget import declared_pace, standing_traffic
 from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
@@ -145,7 +145,7 @@ def terminal(made: Vpn) -> None:
     """Put a terminal with the allow-list of the declaration between the gateway and everything else."""
     bearer = next(one for one in made.declaration.sites["coastal"].bearers if one.name == "satellite")
     admitted = ", ".join(
-        f"{one.address} . {one.transport} . {one.port}" for one in allowed(made.declaration.pilot, bearer)
+        f"{one.address} . {one.transport} . {one.port}" for one in allowed_targets(made.declaration.pilot, bearer)
     )
     address = made.run(GATEWAY, "hostname", "-I").split()[0]
     made.run(NET, "nft", "-f", "-", text=_TERMINAL.replace("ADMITTED", admitted).replace("GATEWAY", address))
@@ -191,12 +191,12 @@ def test_the_vpn_and_dds_over_the_satellite(
     view = profile_in_use(declaration, declaration.hosts[GATEWAY])
     pace = declared_pace(declaration.sites["coastal"].bearers[-1])
     word = view.messages.cost(SteadyTopic(_WORD_HZ, _WORD_BYTES), pace)
-    back = published([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
+    back = topic_flow([(_WORD_HZ, word)], 1)  # the control centre's participant says words, too
     assert {one.source for one in flows} == {TrafficSource.DDS, TrafficSource.TELEMETRY}
     bare = replace(view.messages, vpn=NO_VPN).cost(RELIABLE, pace)
     messages = counted.seconds * RELIABLE.rate_hz
     assert [nbytes / messages for nbytes in inside] == pytest.approx([bare.bytes_up, bare.bytes_down], rel=TOLERANCE)
-    steady = published([(RELIABLE.rate_hz, view.messages.cost(RELIABLE, pace))], 1)
+    steady = topic_flow([(RELIABLE.rate_hz, view.messages.cost(RELIABLE, pace))], 1)
     expected = sum(one.up for one in flows) + steady.up, sum(one.down for one in flows) + back.up + steady.down
     assert counted.a_day() == pytest.approx(expected, rel=TOLERANCE)
     around = [(bare.packets_up, bare.bytes_up), (bare.packets_down, bare.bytes_down)]

@@ -16,10 +16,10 @@ from typing import Any
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, converge, desired
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.runs import Journal, Record, RunResumed, RunStarted, Store
+from atlantis_netcfg.runs import Journal, Record, RunResume, RunStart, Store
 from atlantis_netcfg.runs.log import LogEntry, line
 
-STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
+STARTED = RunStart(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 
 
 class Deadly(Journal):
@@ -42,8 +42,8 @@ class Deadly(Journal):
 def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
     if asked["mode"] == JobMode.RESUME:
-        (run,) = store.unfinished("coastal")
-        return store.resume("coastal", run.id, RunResumed(revision="", tool="", command="provision resume"))
+        (run,) = store.unfinished_runs("coastal")
+        return store.resume("coastal", run.id, RunResume(revision="", tool="", command="provision resume"))
     with store.start(STARTED) as started:
         deadly = Deadly(started.directory)
     deadly.left, deadly.moment = asked.get("record", 0), asked.get("moment", "")
@@ -63,7 +63,7 @@ def main(asked: Mapping[str, Any]) -> None:
         site="coastal",
         address="10.64.101.1",
         endpoint=Endpoint(asked["host"], asked["port"], "provision", Secret(asked["password"]), asked["pin"]),
-        desired=desired.read(Path(asked["text"]).read_text(encoding="utf-8")),
+        desired_state=desired.read(Path(asked["text"]).read_text(encoding="utf-8")),
         journal=opened,
         patience=Patience(**{"first_poll_s": 0.05, "last_poll_s": 0.2, **asked.get("patience", {})}),
         ssh=_console(asked),

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.routeros.wire.link import Faults
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, converge, desired
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.apply import Channel, SshEndpoint
-from atlantis_netcfg.runs import Journal, RunStarted, Store
+from atlantis_netcfg.runs import Journal, RunStart, Store
 
 T = TypeVar("T")
 PASSWORD = "open sesame"
@@ -174,7 +174,7 @@ class Bench:
             "site": "coastal",
             "address": self.router.spec.management.local,
             "endpoint": endpoint,
-            "desired": desired.read(self.text),
+            "desired_state": desired.read(self.text),
             "events": self.events.append,
         }
         return DeviceJob(**{**standard, **changes})
@@ -187,7 +187,7 @@ class Bench:
 
     def journal(self) -> Journal:
         return self.store.start(
-            RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
+            RunStart(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
         )
 
     async def converge(self, mode: JobMode = JobMode.APPLY, **changes: Any) -> DeviceResult:  # noqa: ANN401 - as `job`

@@ -10,15 +10,15 @@ from atlantis_netcfg.core.versions import NEWEST_KNOWN
 from atlantis_netcfg.emulator.routeros import Execute, RouterLink, WireBehaviour
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, desired
 from atlantis_netcfg.runs import (
-    ActionsConfirmed,
-    DeviceObserved,
+    ActionConfirmation,
+    DeviceObservation,
     LayerSent,
     Outcome,
-    Planned,
-    Protected,
-    Released,
-    RunStarted,
-    StateSaved,
+    PlanRecord,
+    ProtectionRecord,
+    ReleaseRecord,
+    RunStart,
+    StateBackup,
 )
 
 HANDSHAKE = 3
@@ -39,9 +39,9 @@ async def twice(bench: Bench) -> tuple[DeviceResult, DeviceResult, int, int]:
 def test_a_first_configuration_converges_twice(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     first, second, turns, idle = on(bench, twice)
-    assert (first.status, first.message) == (Status.CHANGED, f"{first.planned} actions applied and verified")
-    assert first.confirmed == first.planned > 20
-    assert (second.status, second.planned, second.message) == (Status.UNCHANGED, 0, "no changes needed")
+    assert (first.status, first.message) == (Status.CHANGED, f"{first.planned_count} actions applied and verified")
+    assert first.confirmed_count == first.planned_count > 20
+    assert (second.status, second.planned_count, second.message) == (Status.UNCHANGED, 0, "no changes needed")
     assert first.round_trips == turns + first.sessions * HANDSHAKE <= 22
     assert second.round_trips == idle + HANDSHAKE <= 5
 
@@ -77,8 +77,8 @@ def test_bytes_are_those_on_the_wire(tmp_path: Path) -> None:
 
     result, sent, received = on(bench, act)
     # The ends of the sessions are said after the result.
-    assert sent - 3 * 40 <= result.sent <= sent
-    assert received - 3 * 40 <= result.received <= received
+    assert sent - 3 * 40 <= result.sent_bytes <= sent
+    assert received - 3 * 40 <= result.received_bytes <= received
 
 
 def test_a_plan_changes_nothing(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_a_plan_changes_nothing(tmp_path: Path) -> None:
 
     result, before, now = on(bench, act)
     assert (result.status, int(result.exit)) == (Status.PLANNED, 2)
-    assert result.planned > 20
+    assert result.planned_count > 20
     assert "+ add address=10.64.1.1/24" in result.diff
     assert without_header(before) == without_header(now)
 
@@ -102,9 +102,9 @@ def test_only_the_plan_that_was_agreed_to_is_carried_out(tmp_path: Path) -> None
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, DeviceResult]:
         shown = await bench.converge(JobMode.PLAN)
         await bench.router.console(["/interface/bridge/add", "=name=bridge-lan"])
-        late = await bench.converge(agreed=shown.plan_hash)
+        late = await bench.converge(agreed_hash=shown.plan_hash)
         again = await bench.converge(JobMode.PLAN)
-        return shown, late, await bench.converge(agreed=again.plan_hash)
+        return shown, late, await bench.converge(agreed_hash=again.plan_hash)
 
     shown, late, agreed = on(bench, act)
     assert (late.status, int(late.exit)) == (Status.REFUSED, 4)
@@ -119,13 +119,37 @@ def test_the_journal_tells_the_whole_run(tmp_path: Path) -> None:
     (run,) = bench.store.runs("coastal")
     kinds = [type(record) for record in run.log.records]
     for earlier, later in zip(
-        (RunStarted, DeviceObserved, Planned, Protected, StateSaved, LayerSent, Released, ActionsConfirmed, Outcome),
-        (DeviceObserved, Planned, Protected, StateSaved, LayerSent, Released, ActionsConfirmed, Outcome, Outcome),
+        (
+            RunStart,
+            DeviceObservation,
+            PlanRecord,
+            ProtectionRecord,
+            StateBackup,
+            LayerSent,
+            ReleaseRecord,
+            ActionConfirmation,
+            Outcome,
+        ),
+        (
+            DeviceObservation,
+            PlanRecord,
+            ProtectionRecord,
+            StateBackup,
+            LayerSent,
+            ReleaseRecord,
+            ActionConfirmation,
+            Outcome,
+            Outcome,
+        ),
         strict=True,
     ):
         assert kinds.index(earlier) <= kinds.index(later)
-    assert run.confirmed("router") == run.acknowledged("router") == tuple(range(1, result.planned + 1))
-    assert run.settled == {"router"}
+    assert (
+        run.confirmed_actions("router")
+        == run.acknowledged_actions("router")
+        == tuple(range(1, result.planned_count + 1))
+    )
+    assert run.settled_devices == {"router"}
 
 
 def test_the_state_before_is_what_the_device_exports(tmp_path: Path) -> None:
@@ -153,7 +177,7 @@ def test_a_saved_state_is_gone_back_to(tmp_path: Path) -> None:
         assert saved is not None
         menus = desired.read(bench.text).menus
         back = desired.from_export(saved.text(), menus, str(saved.path))
-        return before, await bench.converge(JobMode.ROLLBACK, desired=back), bench.export()
+        return before, await bench.converge(JobMode.ROLLBACK, desired_state=back), bench.export()
 
     before, result, now = on(bench, act)
     assert result.status is Status.CHANGED
@@ -202,7 +226,7 @@ def test_a_result_is_json(tmp_path: Path) -> None:
     result = on(bench, lambda bench: bench.converge())
     data = json.loads(json.dumps(result.as_dict()))
     assert data["status"] == "changed"
-    assert data["planned"] == data["confirmed"] == result.planned
+    assert data["planned"] == data["confirmed"] == result.planned_count
     assert set(data["bytes"]) == {"sent", "received"}
     assert data["protection"] == "safe-mode"
 

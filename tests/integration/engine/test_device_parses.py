@@ -58,8 +58,8 @@ async def refused(bench: Bench, text: str) -> DeviceResult:
     """Plan and apply: both are refused with exit code 4 and in the same words, and nothing was sent."""
     before = bench.export()
     wanted = desired.read(text, source="site.rsc")
-    planned = await bench.converge(JobMode.PLAN, desired=wanted, ssh=bench.ssh)
-    result = await bench.converge(desired=wanted, ssh=bench.ssh)
+    planned = await bench.converge(JobMode.PLAN, desired_state=wanted, ssh=bench.ssh)
+    result = await bench.converge(desired_state=wanted, ssh=bench.ssh)
     assert (planned.status, planned.exit) == (result.status, result.exit) == (Status.REFUSED, ExitCode.FAILED)
     assert planned.message == result.message
     assert not any("INCONCLUSIVE" in note for note in result.notes)
@@ -132,16 +132,16 @@ def test_a_plan_that_is_right_costs_no_round_trip_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, mode: JobMode, more: int
 ) -> None:
     with_it = on(
-        Bench(tmp_path / "with"), lambda bench: bench.converge(mode, desired=desired.read(TEXT + leases(more)))
+        Bench(tmp_path / "with"), lambda bench: bench.converge(mode, desired_state=desired.read(TEXT + leases(more)))
     )
     monkeypatch.setattr(Examination, "questions", lambda *_: ())
     without = on(
-        Bench(tmp_path / "without"), lambda bench: bench.converge(mode, desired=desired.read(TEXT + leases(more)))
+        Bench(tmp_path / "without"), lambda bench: bench.converge(mode, desired_state=desired.read(TEXT + leases(more)))
     )
     assert with_it.status is without.status is (Status.PLANNED if mode is JobMode.PLAN else Status.CHANGED)
     assert with_it.round_trips == without.round_trips
     assert not any("INCONCLUSIVE" in note for note in with_it.notes)
-    assert with_it.sent > without.sent
+    assert with_it.sent_bytes > without.sent_bytes
 
 
 def test_what_is_as_declared_is_not_parsed(tmp_path: Path) -> None:

@@ -8,20 +8,20 @@ from engine_bench import Bench, run
 
 from atlantis_netcfg.emulator.routeros import RouterLink
 from atlantis_netcfg.routeros import DeviceResult, Status
-from atlantis_netcfg.routeros._types import Observed
+from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
 from atlantis_netcfg.routeros.apply import Admission
 from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate, on_the_wire
 from atlantis_netcfg.routeros.observe import counting, looks, read_counts, seconds
 
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
 
 
 def twice(folder: Path, *counted: str) -> tuple[DeviceResult, DeviceResult]:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(folder) as bench:
             bench.router.relink(RouterLink(port="ether3"))
-            return await bench.converge(counted=counted), await bench.converge(counted=counted)
+            return await bench.converge(counted_ports=counted), await bench.converge(counted_ports=counted)
 
     return run(act())
 
@@ -38,7 +38,7 @@ def test_what_the_router_counts_is_what_we_have_sent(tmp_path: Path) -> None:
         first, last = result.counts
         assert first.ports["ether2"] == last.ports["ether2"] == (0, 0)
         risen = sum(last.ports["ether3"]) - sum(first.ports["ether3"])
-        ours = on_the_wire(result.sent + result.received, result.sessions)
+        ours = on_the_wire(result.sent_bytes + result.received_bytes, result.sessions)
         # The first look is after the handshake and the login, the last one before the last answers have gone.
         assert 0 < risen < ours
     assert first.uptime_s is not None
@@ -51,7 +51,7 @@ def test_a_first_configuration_is_counted_nearly_whole(tmp_path: Path) -> None:
     first, _ = twice(tmp_path, "ether3")
     before, after = first.counts
     risen = sum(after.ports["ether3"]) - sum(before.ports["ether3"])
-    assert risen == pytest.approx(on_the_wire(first.sent + first.received, first.sessions), rel=0.25)
+    assert risen == pytest.approx(on_the_wire(first.sent_bytes + first.received_bytes, first.sessions), rel=0.25)
     assert after.uptime_s is not None
 
 
@@ -64,9 +64,9 @@ def test_a_reboot_sets_the_counters_back(tmp_path: Path) -> None:
     async def act() -> tuple[DeviceResult, DeviceResult]:
         async with Bench(tmp_path) as bench:
             bench.router.relink(RouterLink(port="ether3"))
-            before = await bench.converge(counted=("ether3",))
+            before = await bench.converge(counted_ports=("ether3",))
             bench.router.reboot()
-            return before, await bench.converge(counted=("ether3",))
+            return before, await bench.converge(counted_ports=("ether3",))
 
     before, after = run(act())
     assert sum(after.counts[0].ports["ether3"]) < sum(before.counts[-1].ports["ether3"])
@@ -78,11 +78,11 @@ class Collector:
     def __init__(self) -> None:
         self.asked: list[tuple[bool, bool, int]] = []
 
-    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:
-        assert seen.rows
+    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:
+        assert observation.rows
         assert estimate is not None
-        self.asked.append((spends, planned, estimate.wire_bytes))
-        return Admission(("told in any case",), "too dear" if spends and not planned else None, "wait for the cable")
+        self.asked.append((spends, is_plan, estimate.wire_bytes))
+        return Admission(("told in any case",), "too dear" if spends and not is_plan else None, "wait for the cable")
 
 
 def test_a_run_that_is_too_dear_changes_nothing_and_says_why(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ WANTED_MORE = TEXT + leases(1)
 async def drift(bench: Bench, text: str | None = None) -> DeviceResult:
     """Read the router with what its runs have confirmed; `text` is declared by now."""
     kept, bench.text = bench.text, text or bench.text
-    job = bench.job(confirmed=bench.store.last_confirmed("coastal", ["router"]).get("router"))
+    job = bench.job(confirmed_state=bench.store.last_confirmed("coastal", ["router"]).get("router"))
     bench.text = kept
     before = bench.export()
     result = await converge(job, mode=JobMode.DRIFT)

@@ -32,7 +32,7 @@ def test_a_run_leaves_a_failed_over_router_as_it_is(tmp_path: Path, version: str
         export = bench.export()
         for mode in (JobMode.PLAN, JobMode.APPLY):
             again = await bench.converge(mode)
-            assert (again.status, again.planned) == (Status.UNCHANGED, 0), again.message
+            assert (again.status, again.planned_count) == (Status.UNCHANGED, 0), again.message
         assert bench.export() == export
         bench.router.silence([])
         await asyncio.sleep(300)
@@ -51,7 +51,7 @@ def test_a_change_of_something_else_meanwhile_is_kept(tmp_path: Path) -> None:
         await asyncio.sleep(120)
         bench.text = bench.text.replace("memory-lines=2000", "memory-lines=3000")
         changed = await bench.converge()
-        assert (changed.status, changed.planned) == (Status.CHANGED, 1), changed.message
+        assert (changed.status, changed.planned_count) == (Status.CHANGED, 1), changed.message
         assert await route(bench, "active", f"4g, while {LTE[0]} answers") == "true"
         assert (await bench.converge()).status is Status.UNCHANGED
 
@@ -63,7 +63,7 @@ def test_a_watch_that_somebody_has_switched_off_is_switched_on(tmp_path: Path) -
         await bench.converge()
         await bench.router.console(["/tool/netwatch/disable", f"=numbers=wifi-ptp-{PTP[0]}-watch"])
         again = await bench.converge()
-        assert (again.status, again.planned) == (Status.CHANGED, 1), again.message
+        assert (again.status, again.planned_count) == (Status.CHANGED, 1), again.message
         assert (await bench.converge()).status is Status.UNCHANGED
 
     on(bench(tmp_path, "coastal-router"), act)

@@ -10,13 +10,13 @@ from engine_bench import TEXT, Bench, Meddler, on
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status
 from atlantis_netcfg.routeros.api import Session
-from atlantis_netcfg.routeros.commands import executed
+from atlantis_netcfg.routeros.commands import script_command
 from atlantis_netcfg.routeros.estimate import BearerProfile
 from bench.proxy import Count, Proxy, Shape
 
 OURS = "# atlantis:entire /ip firewall address-list\n" + TEXT
 LISTS = "/ip/firewall/address-list"
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
 
 
 async def foreign(bench: Bench, number: int) -> None:
@@ -37,7 +37,7 @@ def test_a_hundred_go_as_ever(tmp_path: Path) -> None:
         return await bench.converge(), left(bench)
 
     result, there = on(Bench(tmp_path, text=OURS), act)
-    assert (result.status, result.planned, result.rows, there) == (Status.CHANGED, 1, 100, 0)
+    assert (result.status, result.planned_count, result.rows, there) == (Status.CHANGED, 1, 100, 0)
     assert result.message == "1 action on 100 rows applied and verified"
     assert result.foreign_words == ""
 
@@ -68,7 +68,7 @@ def test_more_than_a_hundred_are_agreed_to_apart(tmp_path: Path) -> None:
     assert refused.message == f"refused, nothing was changed: nobody has agreed that it {words}"
     assert refused.hint is not None
     assert "type the same with `--remove-foreign`" in refused.hint
-    assert (done.status, done.rows, done.confirmed) == (Status.CHANGED, 101, 1)
+    assert (done.status, done.rows, done.confirmed_count) == (Status.CHANGED, 101, 1)
     assert (again.status, again.rows, again.foreign_words) == (Status.UNCHANGED, 0, "")
 
 
@@ -106,9 +106,9 @@ def test_a_thousand_over_the_satellite_are_estimated_by_rows(tmp_path: Path) -> 
         return planned, await bench.converge(bearer=SATELLITE, remove_foreign=True)
 
     planned, done = on(Bench(tmp_path, text=OURS), act)
-    assert (planned.planned, planned.rows, done.status) == (1, 1000, Status.CHANGED)
+    assert (planned.planned_count, planned.rows, done.status) == (1, 1000, Status.CHANGED)
     assert planned.estimate is not None
-    assert planned.estimate.bytes == pytest.approx(done.sent + done.received, rel=0.02)
+    assert planned.estimate.bytes == pytest.approx(done.sent_bytes + done.received_bytes, rel=0.02)
     assert planned.sessions == 1
     assert done.sessions == 1 + 1000 // 80 + 1
 
@@ -122,7 +122,7 @@ async def many(bench: Bench, number: int, words: str = "list=sat-allow comment=b
                 f"{words}\n"
                 for each in range(begin, min(begin + 500, first + number))
             )
-            reply = await session.command(executed(script))
+            reply = await session.command(script_command(script))
             assert (reply.trap, reply.ret or "") == (None, "")
 
 
@@ -145,14 +145,14 @@ def test_a_plan_over_the_satellite_reads_of_three_thousand_what_it_needs(tmp_pat
         planned = await metered(bench, JobMode.PLAN)
         refused = await metered(bench, JobMode.APPLY)
         whole = await bench.converge(JobMode.PLAN, remove_foreign=True)
-        assert whole.received > 250_000
+        assert whole.received_bytes > 250_000
         agreed = planned[0].plan_hash
         assert agreed == whole.plan_hash
         return [
             nothing,
             planned,
             refused,
-            await metered(bench, JobMode.APPLY, remove_foreign=True, agreed=agreed),
+            await metered(bench, JobMode.APPLY, remove_foreign=True, agreed_hash=agreed),
         ], left(bench)
 
     ((nothing, none), (planned, count), (refused, short), (done, _)), there = on(Bench(tmp_path, text=OURS), act)
@@ -182,8 +182,8 @@ def test_five_thousand_are_read_bare_over_a_cable_too(tmp_path: Path, mode: JobM
     nothing, result, whole = on(Bench(tmp_path, text=OURS), act)
     assert result.status is (Status.PLANNED if mode is JobMode.PLAN else Status.REFUSED)
     assert result.foreign_words == whole.foreign_words
-    assert (result.sent + result.received) - (nothing.sent + nothing.received) < 5 * 100_000 / 3
-    assert whole.received > 400_000
+    assert (result.sent_bytes + result.received_bytes) - (nothing.sent_bytes + nothing.received_bytes) < 5 * 100_000 / 3
+    assert whole.received_bytes > 400_000
     assert whole.diff.count("\n- add address=198.18.") == 5000
 
 
@@ -194,7 +194,7 @@ def test_a_hundred_and_what_the_router_has_made_are_read_whole(tmp_path: Path) -
         return await metered(bench, JobMode.PLAN)
 
     planned, count = on(Bench(tmp_path, text=OURS), act)
-    assert (planned.planned, planned.rows, count.round_trips) == (1, 100, 7)
+    assert (planned.planned_count, planned.rows, count.round_trips) == (1, 100, 7)
     assert planned.diff.count("\n- add address=198.18.0.") == 100
 
 
@@ -205,9 +205,9 @@ def test_what_a_declared_row_may_find_is_read_whole(tmp_path: Path) -> None:
     async def act(bench: Bench) -> list[DeviceResult]:
         await many(bench, 150)
         async with await Session.open(bench.job().endpoint) as session:
-            await session.command(executed(unmarked))
+            await session.command(script_command(unmarked))
         planned, _ = await metered(bench, JobMode.PLAN)
-        done, _ = await metered(bench, JobMode.APPLY, remove_foreign=True, agreed=planned.plan_hash)
+        done, _ = await metered(bench, JobMode.APPLY, remove_foreign=True, agreed_hash=planned.plan_hash)
         return [planned, done, (await metered(bench, JobMode.PLAN))[0]]
 
     planned, done, again = on(Bench(tmp_path, text=OURS), act)
@@ -232,12 +232,12 @@ def test_a_rule_that_only_rows_of_others_kept_from_us_is_objected_to(tmp_path: P
         await bench.converge()
         await many(bench, 150, first=1)
         async with await Session.open(bench.job().endpoint) as session:
-            assert (await session.command(executed(by_hand))).ret == ""
+            assert (await session.command(script_command(by_hand))).ret == ""
         bench.text = closed
         return [(await metered(bench, JobMode.PLAN))[0], await bench.converge(JobMode.PLAN)]
 
     over_the_satellite, whole = on(Bench(tmp_path, text=OURS), act)
-    assert (whole.status, whole.planned) == (Status.REFUSED, 1)
+    assert (whole.status, whole.planned_count) == (Status.REFUSED, 1)
     assert "would drop a new session of yours" in whole.message
     assert over_the_satellite.message == whole.message
 
@@ -251,12 +251,12 @@ def test_thousands_come_and_go(tmp_path: Path, number: int) -> None:
         await bench.converge()
         await many(bench, number)
         planned, _ = await metered(bench, JobMode.PLAN)
-        done = await bench.converge(bearer=SATELLITE, remove_foreign=True, agreed=planned.plan_hash)
+        done = await bench.converge(bearer=SATELLITE, remove_foreign=True, agreed_hash=planned.plan_hash)
         return [planned, done, await bench.converge(bearer=SATELLITE)], left(bench)
 
     (planned, done, again), there = on(Bench(tmp_path, text=OURS), act)
     assert planned.message == f"1 action on {number} rows planned"
-    assert planned.sent + planned.received < 30_000 + 23 * number
+    assert planned.sent_bytes + planned.received_bytes < 30_000 + 23 * number
     assert (done.status, done.rows, there) == (Status.CHANGED, number, 0)
     assert done.sessions == 1 + number // 80
     assert (again.status, again.round_trips) == (Status.UNCHANGED, 5)

@@ -30,24 +30,24 @@ async def _changes(bench: Bench) -> None:
     await bench.converge(JobMode.PLAN, ssh=ssh)
     await bench.converge(ssh=ssh)
     before = bench.router.export(show_sensitive=True)
-    await bench.converge(desired=read(CHANGED), ssh=ssh)
-    await bench.converge(desired=from_export(before, read(TEXT).menus), ssh=ssh)
+    await bench.converge(desired_state=read(CHANGED), ssh=ssh)
+    await bench.converge(desired_state=from_export(before, read(TEXT).menus), ssh=ssh)
     await bench.converge(ssh=ssh)
 
 
 async def _refusal(bench: Bench) -> None:
-    await bench.converge(desired=read(REFUSED), ssh=bench.ssh)
-    await bench.converge(JobMode.PLAN, desired=read(REFUSED), ssh=bench.ssh)
+    await bench.converge(desired_state=read(REFUSED), ssh=bench.ssh)
+    await bench.converge(JobMode.PLAN, desired_state=read(REFUSED), ssh=bench.ssh)
 
 
 async def _much(bench: Bench) -> None:
-    await bench.converge(desired=read(TEXT + leases(150)), ssh=bench.ssh)
-    await bench.converge(desired=read(TEXT), ssh=bench.ssh)
+    await bench.converge(desired_state=read(TEXT + leases(150)), ssh=bench.ssh)
+    await bench.converge(desired_state=read(TEXT), ssh=bench.ssh)
 
 
 async def _without_console(bench: Bench) -> None:
     await bench.converge()
-    await bench.converge(desired=read(CHANGED))
+    await bench.converge(desired_state=read(CHANGED))
 
 
 SCENES: dict[str, tuple[Callable[[Bench], Coroutine[Any, Any, None]], dict[str, Any]]] = {

@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault, Wir
 from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, converge, fleet
 from atlantis_netcfg.routeros.apply import _change, _executor, _settle
-from atlantis_netcfg.runs import ActionsAcknowledged, Journal, JournalFailed, Record
+from atlantis_netcfg.runs import ActionAcknowledgement, Journal, JournalError, Record
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
 LIST = "/ip firewall address-list\n" + "".join(
@@ -46,7 +46,7 @@ def test_a_line_that_the_router_refuses(tmp_path: Path, execute: Execute) -> Non
     assert now == before
     if execute is not Execute.TRAP:
         assert "the device refused to set /ip ssh settings in /ip ssh: " in result.message
-    assert result.confirmed == 0
+    assert result.confirmed_count == 0
 
 
 def test_a_script_that_is_lost_blames_nobody(tmp_path: Path) -> None:
@@ -206,8 +206,8 @@ def test_a_router_that_never_comes_back(tmp_path: Path) -> None:
     assert (result.status, result.exit) == (Status.UNKNOWN, ExitCode.UNKNOWN)
     assert result.hint is not None
     assert "provision resume site=coastal" in result.hint
-    (run,) = bench.store.unfinished("coastal")
-    assert run.unsettled == ("router",)
+    (run,) = bench.store.unfinished_runs("coastal")
+    assert run.unsettled_devices == ("router",)
 
 
 def test_resuming_waits_until_the_router_has_undone_what_was_left(tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ class Deadly(Journal):
 
     def write(self, record: Record) -> None:
         super().write(record)
-        if isinstance(record, ActionsAcknowledged):
+        if isinstance(record, ActionAcknowledgement):
             raise Killed
 
 
@@ -279,7 +279,7 @@ def test_the_same_command_typed_again_waits_for_what_its_own_dead_run_has_left(t
     assert again.status is Status.CHANGED, again.message
     assert "atlantis-dead-man" not in left
     assert "atlantis-run" not in left
-    assert bench.store.unfinished("coastal") == ()
+    assert bench.store.unfinished_runs("coastal") == ()
 
 
 def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> None:
@@ -289,7 +289,7 @@ def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> 
     async def act(bench: Bench) -> tuple[DeviceResult, list[str], DeviceResult, DeviceResult]:
         bench.router.arm(LinkFault(do=FaultKind.VANISH, match="/safe-mode/take", when="after"))
         lost = await bench.converge()
-        open_runs = [run.id for run in bench.store.unfinished("coastal")]
+        open_runs = [run.id for run in bench.store.unfinished_runs("coastal")]
         refused = await bench.converge()
         again = await bench.converge(history=bench.store.history("coastal", "router"))
         return lost, open_runs, refused, again
@@ -301,7 +301,7 @@ def test_a_link_lost_before_the_first_change_is_gone_on_with(tmp_path: Path) -> 
     assert len(open_runs) == 1
     assert refused.status is Status.LEFT_AS_FOUND
     assert again.status is Status.CHANGED
-    assert bench.store.unfinished("coastal") == ()
+    assert bench.store.unfinished_runs("coastal") == ()
 
 
 class FullDisk(Journal):
@@ -311,7 +311,7 @@ class FullDisk(Journal):
 
     def write(self, record: Record) -> None:
         if self.left <= 0:
-            raise JournalFailed("the journal cannot be written: No space left on device")
+            raise JournalError("the journal cannot be written: No space left on device")
         self.left -= 1
         super().write(record)
 
@@ -426,7 +426,7 @@ def test_another_admin_takes_safe_mode_between_two_pieces(tmp_path: Path, end: s
     result, before, now = on(bench, act)
     assert len(ends) == 1
     assert result.status is Status.CHANGED
-    assert result.confirmed == result.planned
+    assert result.confirmed_count == result.planned_count
     assert any("api:provision@10.64.101.10 holds safe mode: waiting" in event.message for event in bench.events)
     assert now != before
 

@@ -47,7 +47,7 @@ def test_devices_do_not_wait_for_each_other(tmp_path: Path) -> None:
         async with ships(tmp_path, 7, RouterLink(delay_s=0.35)) as benches:
             begun = asyncio.get_running_loop().time()
             told: list[str] = []
-            results = await fleet.run(jobs(benches), done=lambda result: told.append(result.name))
+            results = await fleet.run(jobs(benches), on_result=lambda result: told.append(result.name))
             return results, told, asyncio.get_running_loop().time() - begun
 
     results, told, took_s = run(main())
@@ -70,7 +70,7 @@ def test_a_dead_device_holds_nobody_up(tmp_path: Path) -> None:
             benches[1].router.arm(LinkFault(do=FaultKind.DROP, match="/execute", sentence=3))
             nowhere = Endpoint("127.0.0.1", 1, "provision", work[0].endpoint.password, "00" * 32)
             work.append(benches[0].job(name="nowhere", endpoint=nowhere))
-            return await fleet.run(work, done=lambda result: done.__setitem__(result.name, clock() - begun))
+            return await fleet.run(work, on_result=lambda result: done.__setitem__(result.name, clock() - begun))
 
     results = run(main())
     assert [result.status for result in results] == [
@@ -120,7 +120,7 @@ def test_only_so_many_are_in_work_at_once(tmp_path: Path) -> None:
     async def main() -> list[DeviceResult]:
         async with ships(tmp_path, 5) as benches:
             work = [bench.job(connect=connect) for bench in benches]
-            return await fleet.run(work, mode=JobMode.PLAN, at_once=2, done=lambda _: open_now.pop())
+            return await fleet.run(work, mode=JobMode.PLAN, at_once=2, on_result=lambda _: open_now.pop())
 
     results = run(main())
     assert [result.status for result in results] == [Status.PLANNED] * 5

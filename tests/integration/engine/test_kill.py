@@ -83,7 +83,7 @@ def kill_and_resume(folder: Path, record: int, moment: str, text: str = TEXT) ->
             return False
         assert killed.returncode == -signal.SIGKILL, killed.stderr
         between = there.settled()
-        if not there.journal.unsettled:
+        if not there.journal.unsettled_devices:
             assert there.journal.outcomes["router"].status == "changed"
             return True
         assert there.journal.log.has_torn_end == (moment == "torn")
@@ -97,7 +97,7 @@ def kill_and_resume(folder: Path, record: int, moment: str, text: str = TEXT) ->
     assert result["status"] == ("unchanged" if between == after else "changed")
     assert (again["status"], again["planned"]) == ("unchanged", 0)
     run = Store(folder / "state").runs("coastal")[0]
-    assert run.settled == {"router"}
+    assert run.settled_devices == {"router"}
     return True
 
 
@@ -136,7 +136,7 @@ def kill_below_safe_mode(folder: Path, record: int, *, console: bool) -> bool:
         if killed.returncode == 0:
             return False
         assert killed.returncode == -signal.SIGKILL, killed.stderr
-        if not there.journal.unsettled:
+        if not there.journal.unsettled_devices:
             return True
         resumed = there.run("resume")
         assert resumed.returncode == 0, resumed.stderr

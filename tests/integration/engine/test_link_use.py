@@ -20,9 +20,9 @@ from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, desired
 from atlantis_netcfg.routeros.api import Command, Reply, Session, SessionLost, Unreachable
 from atlantis_netcfg.routeros.apply import Channel, Patience
-from atlantis_netcfg.routeros.desired import Desired
+from atlantis_netcfg.routeros.desired import DesiredState
 from atlantis_netcfg.routeros.guard import MENUS, WAY_BACK
-from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, begun, ended
+from atlantis_netcfg.routeros.link_use import TICK_S, LinkUse, end_use, start_use
 from atlantis_netcfg.routeros.observe import seconds
 
 FOR_S = 600
@@ -74,14 +74,14 @@ async def uptime(bench: Bench) -> int:
     return int(seconds((await rows(bench, "/system/resource"))[0]["uptime"]) or 0)
 
 
-async def use_of(bench: Bench, link: str, for_s: int = FOR_S) -> Desired:
+async def use_of(bench: Bench, link: str, for_s: int = FOR_S) -> DesiredState:
     since = await uptime(bench)
     addresses = {way.name: way.address for way in ways()}
-    return begun(desired.read(bench.text), LinkUse(link, UNTIL, since + for_s), since, addresses)
+    return start_use(desired.read(bench.text), LinkUse(link, UNTIL, since + for_s), since, addresses)
 
 
 async def begin(bench: Bench, link: str, for_s: int = FOR_S, **changes: Any) -> DeviceResult:  # noqa: ANN401 - of DeviceJob
-    return await bench.converge(desired=await use_of(bench, link, for_s), **changes)
+    return await bench.converge(desired_state=await use_of(bench, link, for_s), **changes)
 
 
 async def started(bench: Bench) -> str:
@@ -175,12 +175,12 @@ def test_every_run_tells_it_and_changes_nothing_of_it(tmp_path: Path) -> None:
         during = exported(bench)
         for mode in (JobMode.PLAN, JobMode.APPLY, JobMode.RESUME, JobMode.DRIFT):
             found = await bench.converge(mode)
-            assert (found.status, found.planned) == (Status.UNCHANGED, 0), (mode, found.message, found.diff)
+            assert (found.status, found.planned_count) == (Status.UNCHANGED, 0), (mode, found.message, found.diff)
             (note,) = [note for note in found.notes if "in use" in note]
             assert note.startswith(TOLD)
         assert exported(bench) == during
         bench.text = bench.text.replace("memory-lines=2000", "memory-lines=3000")
-        assert (await bench.converge()).planned == 1
+        assert (await bench.converge()).planned_count == 1
         assert await active(bench) == "satellite"
 
     on(router(tmp_path), act)
@@ -206,21 +206,21 @@ def test_it_is_prolonged_shortened_moved_and_ended(tmp_path: Path) -> None:
         await begin(bench, "4g", 120)
         await asyncio.sleep(30)
         longer = await begin(bench, "4g", 900)
-        assert (longer.status, longer.planned) == (Status.CHANGED, 1), longer.diff
+        assert (longer.status, longer.planned_count) == (Status.CHANGED, 1), longer.diff
         await asyncio.sleep(600)
         assert await active(bench) == "4g"
         assert (await begin(bench, "satellite", 900)).status is Status.CHANGED
         assert await active(bench) == "satellite"
         await asyncio.sleep(30)
-        assert (await begin(bench, "satellite", 60)).planned == 1
+        assert (await begin(bench, "satellite", 60)).planned_count == 1
         await asyncio.sleep(60)
         assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
         await begin(bench, "satellite", 900)
         await asyncio.sleep(30)
-        over = await bench.converge(desired=ended(desired.read(bench.text)))
+        over = await bench.converge(desired_state=end_use(desired.read(bench.text)))
         assert over.status is Status.CHANGED, over.message
         assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
-        again = await bench.converge(desired=ended(desired.read(bench.text)))
+        again = await bench.converge(desired_state=end_use(desired.read(bench.text)))
         assert again.status is Status.UNCHANGED
 
     on(router(tmp_path), act)
@@ -234,7 +234,7 @@ def test_the_job_may_run_while_the_use_is_ended(tmp_path: Path, nth: int) -> Non
         before = await started(bench)
         await begin(bench, "satellite")
         meddler = Meddler("/ip/route/print", lambda: asyncio.sleep(TICK_S), nth=nth)
-        over = await bench.converge(desired=ended(desired.read(bench.text)), connect=meddler.connect)
+        over = await bench.converge(desired_state=end_use(desired.read(bench.text)), connect=meddler.connect)
         assert over.status is Status.CHANGED, over.message
         assert (await active(bench), exported(bench)) == ("wifi-ptp", before)
 
@@ -315,8 +315,8 @@ def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(t
         there = bench.export()
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr("atlantis_netcfg.routeros.apply._executor.is_order", lambda _: False)
-            whole = await bench.converge(mode, desired=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
-        refused = await bench.converge(mode, desired=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
+            whole = await bench.converge(mode, desired_state=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
+        refused = await bench.converge(mode, desired_state=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
         assert bench.export() == there
         assert refused.message == whole.message
         return refused.message, refused, reads(bench, -1)
@@ -329,7 +329,7 @@ def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(t
 
 def test_an_order_that_leaves_the_answers_is_carried_out(tmp_path: Path) -> None:
     async def act(bench: Bench) -> set[str]:
-        result = await bench.converge(desired=desired.read(ONE_ROUTE.format("203.0.113.0/24")))
+        result = await bench.converge(desired_state=desired.read(ONE_ROUTE.format("203.0.113.0/24")))
         assert result.status is Status.CHANGED, result.message
         assert "203.0.113.0/24" in bench.export()
         return reads(bench, -2)[0]
@@ -426,7 +426,7 @@ def killed(tmp_path: Path, sentence: int, version: str) -> None:
         before = await started(bench)
         use = await use_of(bench, "4g", SHORT_S)
         return await in_its_order(
-            bench, before, bench.converge(desired=use, connect=Laptop(sentence).connect, patience=HASTY)
+            bench, before, bench.converge(desired_state=use, connect=Laptop(sentence).connect, patience=HASTY)
         )
 
     result = on(router(tmp_path, version=version), act)
@@ -461,7 +461,7 @@ def cut(tmp_path: Path, sentence: int, kind: FaultKind, when: str, version: str)
         use = await use_of(bench, "4g", SHORT_S)
         fault = {"do": kind, "when": when, "sentence": sentence, "seconds": GAP_S}
         bench.router.arm(LinkFault.model_validate(fault))
-        return await in_its_order(bench, before, bench.converge(desired=use))
+        return await in_its_order(bench, before, bench.converge(desired_state=use))
 
     on(router(tmp_path, version=version), act)
 

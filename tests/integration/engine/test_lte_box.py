@@ -8,18 +8,18 @@ from engine_bench import Bench, on
 
 from atlantis_netcfg.emulator.routeros import (
     CellSpec,
+    ControlError,
     EmulatedSite,
     ManagementSpec,
     ModemSpec,
     SimSpec,
     SiteSpec,
-    TwinRefused,
 )
 from atlantis_netcfg.emulator.routeros.control import obey
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.lte import Registration
-from atlantis_netcfg.links.lte.judge import LteExpected, judge
+from atlantis_netcfg.links.lte.judge import LteSubscription, judge
 from atlantis_netcfg.links.lte.routeros import log_query, queries, read
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.operations.links.status import modem_reading
@@ -28,7 +28,7 @@ from atlantis_netcfg.routeros.render import lte
 
 DECLARATION = load(Path(__file__).parents[3] / "inventory")
 HOST = DECLARATION.hosts["coastal-4g"]
-WANTED = LteExpected(apn="internet.example", bands=(3, 7, 20))
+WANTED = LteSubscription(apn="internet.example", bands=(3, 7, 20))
 MANAGEMENT = ManagementSpec(address="10.10.1.1/29", port="ether1", technician="10.10.1.2")
 
 
@@ -57,7 +57,7 @@ def test_it_converges_and_then_has_the_declared_access_point(tmp_path: Path, ver
         assert (first.status, first.protection) == ("changed", "safe-mode")
         assert await findings(bench) == ()
         again = await bench.converge()
-        assert (again.status, again.planned) == ("unchanged", 0)
+        assert (again.status, again.planned_count) == ("unchanged", 0)
 
     on(box(tmp_path, version), act)
 
@@ -70,7 +70,7 @@ def test_cable_and_modem_that_have_swapped_their_names_get_them_back(tmp_path: P
             await bench.router.console([f"/interface/{path}/set", f"=.id={name}", f"=name={new}"])
         assert bench.export() != before
         again = await bench.converge()
-        assert (again.status, again.planned) == ("changed", 3)
+        assert (again.status, again.planned_count) == ("changed", 3)
         assert bench.export() == before
         assert await findings(bench) == ()
         assert (await bench.converge()).status == "unchanged"
@@ -82,10 +82,10 @@ def test_a_renamed_modem_is_read_as_before(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
         door = ReadOnlySession("box", bench.job().endpoint)
-        async with door.opened() as session:
+        async with door.open_session() as session:
             before = await modem_reading(session)
         await bench.router.console(["/interface/lte/set", "=.id=lte1", "=name=starlink"])
-        async with door.opened() as session:
+        async with door.open_session() as session:
             assert await modem_reading(session) == before
         assert (before.state, before.address is not None) == (Registration.REGISTERED_HOME, True)
 
@@ -98,10 +98,12 @@ def test_the_way_back_leads_to_what_it_was(tmp_path: Path) -> None:
         saved = bench.router.export()
         assert (await bench.converge()).status == "changed"
         menus = desired.read(bench.text).menus
-        back = await bench.converge(JobMode.ROLLBACK, desired=desired.from_export(saved, menus))
+        back = await bench.converge(JobMode.ROLLBACK, desired_state=desired.from_export(saved, menus))
         assert back.status == "changed"
         assert bench.export() == before
-        assert (await bench.converge(JobMode.ROLLBACK, desired=desired.from_export(saved, menus))).planned == 0
+        assert (
+            await bench.converge(JobMode.ROLLBACK, desired_state=desired.from_export(saved, menus))
+        ).planned_count == 0
 
     on(box(tmp_path), act)
 
@@ -125,7 +127,7 @@ def test_what_is_wrong_with_the_subscription_is_told_by_name(
     async def act(bench: Bench) -> None:
         assert (await bench.converge()).status == "changed"
         assert {one.code for one in await findings(bench)} == codes
-        assert (await bench.converge()).planned == 0
+        assert (await bench.converge()).planned_count == 0
 
     on(box(tmp_path, sim=sim, **cell), act)
 
@@ -140,7 +142,7 @@ def test_a_running_twin_is_told_of_another_network(tmp_path: Path) -> None:
         assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
         await bench.router.restart()
         assert {one.code for one in await findings(bench)} == {"roaming-not-allowed"}
-        with pytest.raises(TwinRefused, match="colour"):
+        with pytest.raises(ControlError, match="colour"):
             await obey(site, "box", "modem", {"colour": {}})
 
     on(box(tmp_path), act)

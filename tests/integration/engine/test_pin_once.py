@@ -34,7 +34,9 @@ async def once(bench: Bench, mode: JobMode = JobMode.APPLY, **changes: Any) -> D
     tried = TriedPin(bench.store.root, "coastal", "router")
     with bench.journal() as journal:
         job = bench.job(journal=PinRecorder(journal, tried), **changes)
-        return await converge(replace(job, desired=replace(job.desired, spent=tried.why_not)), mode=mode)
+        return await converge(
+            replace(job, desired_state=replace(job.desired_state, pin_refusal=tried.why_not)), mode=mode
+        )
 
 
 def card(bench: Bench) -> tuple[int, int]:
@@ -49,11 +51,11 @@ def tried(bench: Bench) -> bool:
 @pytest.mark.parametrize("version", ["7.17.1", "7.18.2", "7.21.5"])
 def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
-        first = await once(bench, unprotected=True)
+        first = await once(bench, allows_unprotected=True)
         assert (first.status, card(bench), tried(bench)) == ("changed", (3, 1), False)
         assert "73951846" not in first.diff + first.message
         second = await once(bench)
-        assert (second.status, second.planned, card(bench)) == ("unchanged", 0, (3, 1))
+        assert (second.status, second.planned_count, card(bench)) == ("unchanged", 0, (3, 1))
 
     on(bench(tmp_path, "73951846", version=version), act)
 
@@ -62,7 +64,7 @@ def test_a_right_pin_is_sent_once_and_the_second_run_changes_nothing(tmp_path: P
 def test_a_wrong_pin_reaches_the_sim_once_over_many_runs(tmp_path: Path, version: str) -> None:
     async def act(bench: Bench) -> None:
         before = bench.export()
-        first = await once(bench, unprotected=True)
+        first = await once(bench, allows_unprotected=True)
         assert first.status == "rolled-back"
         assert "the SIM has refused the PIN, which is not tried again" in first.message
         assert (card(bench), tried(bench)) == ((2, 1), True)
@@ -146,7 +148,7 @@ def test_a_sim_that_waits_for_its_puk_gets_nothing(tmp_path: Path) -> None:
 def test_a_plan_sends_nothing(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         found = await once(bench, JobMode.PLAN)
-        assert found.planned == 3
+        assert found.planned_count == 3
         assert "pin=********" in found.diff
         assert (card(bench), tried(bench)) == ((3, 0), False)
 
@@ -171,7 +173,7 @@ def test_a_modem_that_stays_silent_keeps_no_pin(tmp_path: Path, monkeypatch: pyt
     heard: list[str] = []
 
     def deaf(sim: SimState, given: str, _right: str) -> None:
-        sim.tried = given
+        sim.tried_pin = given
         heard.append(given)
 
     monkeypatch.setattr(SimState, "enter", deaf)

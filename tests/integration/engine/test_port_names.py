@@ -190,7 +190,7 @@ def test_names_and_ports_that_nobody_declares_are_told_as_drift_and_put_right(tm
     drifted, then = on(Bench(tmp_path, text=DECLARED, spec=spec), act)
     assert drifted.comparison is not None
     found = {
-        one.subject: [(each.name, each.declared, each.found) for each in one.fields]
+        one.subject: [(each.name, each.desired_value, each.actual_value) for each in one.fields]
         for one in drifted.comparison.differences
     }
     assert {one.kind for one in drifted.comparison.differences} == {DriftKind.CHANGED}
@@ -248,7 +248,7 @@ def test_cable_and_radio_that_have_swapped_their_names_get_them_back(
     )
     spec = {"seed": body(rows) + swap, "packages": ("routeros", package), "radios": ({"name": radio},)}
     first, export, second = on(Bench(tmp_path, text=text, spec=spec), twice)
-    assert (first.status, first.planned) == (Status.CHANGED, 3), first.message
+    assert (first.status, first.planned_count) == (Status.CHANGED, 3), first.message
     assert "interface=ether1" in export
     assert f"interface={radio}" in export
     assert "-atlantis" not in export

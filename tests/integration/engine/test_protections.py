@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros import DeviceMode, FaultKind, LinkFault, 
 from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
 from atlantis_netcfg.routeros.apply import _executor
-from atlantis_netcfg.runs import Protected
+from atlantis_netcfg.runs import ProtectionRecord
 
 HOME = DeviceMode(mode=TwinMode.HOME)
 LAST = '/tool mac-server ping\nset enabled=no\n/ip ssh\nset host-key-type="ed25519 of another kind"\n'
@@ -43,10 +43,12 @@ def converged(bench: Bench, protection: str, words: str, *, ssh: bool) -> None:
     planned, first, second, left = on(bench, act)
     assert (planned.status, planned.protection_words) == (Status.PLANNED, words)
     assert (first.status, first.protection) == (Status.CHANGED, protection), first.message
-    assert (second.status, second.planned) == (Status.UNCHANGED, 0)
+    assert (second.status, second.planned_count) == (Status.UNCHANGED, 0)
     assert left == (0, False)
     run = bench.store.runs("coastal")[1]
-    assert [record.how.split()[0] for record in run.log.records if isinstance(record, Protected)][:1] == [protection]
+    assert [record.how.split()[0] for record in run.log.records if isinstance(record, ProtectionRecord)][:1] == [
+        protection
+    ]
     assert first.as_dict()["protection_words"] == words
 
 
@@ -254,11 +256,11 @@ def test_what_a_dead_run_has_left_goes_where_the_router_is_as_declared(tmp_path:
     assert left[0][0] > 0
     assert left[0][1]
     assert left[1] == (0, False), first.message
-    assert (plan.status, plan.exit, plan.planned) == (Status.PLANNED, ExitCode.CHANGES, 0)
+    assert (plan.status, plan.exit, plan.planned_count) == (Status.PLANNED, ExitCode.CHANGES, 0)
     assert "the job atlantis-dead-man of a run of provision@10.64.101.10 is armed" in plan.message
     assert drift.exit is ExitCode.CHECKS_FAILED
     assert drift.comparison is not None
-    assert [(one.subject, one.kind) for one in drift.comparison.drifted] == [
+    assert [(one.subject, one.kind) for one in drift.comparison.drift] == [
         ("atlantis-run", "open"),
         ("atlantis-dead-man", "open"),
     ]

@@ -11,7 +11,7 @@ from engine_bench import TEXT, Bench, Meddler, on
 
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, JobMode, Status, desired
-from atlantis_netcfg.routeros._types import Observed
+from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.api import Command, Reply, Session
 from atlantis_netcfg.routeros.apply import Admission, Channel
 from atlantis_netcfg.routeros.apply._state import SAVING
@@ -19,7 +19,7 @@ from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 
 RULE = 'add action=passthrough chain=forward comment="atlantis: one more"\n'
 MORE = TEXT.replace("/ip firewall nat\n", f"{RULE}/ip firewall nat\n")
-SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, is_metered=True)
 
 
 def meddled(tmp_path: Path, words: Sequence[str], path: str = "/execute") -> tuple[DeviceResult, str, list[str]]:
@@ -68,7 +68,7 @@ def test_users_are_read_back_where_the_text_has_them(tmp_path: Path, more: str, 
     """No other menu changes them; everything else may have followed a change of bridges and addresses."""
 
     async def act(bench: Bench) -> tuple[DeviceResult, set[str], set[str]]:
-        result = await bench.converge(desired=desired.read(TEXT + more))
+        result = await bench.converge(desired_state=desired.read(TEXT + more))
         first, last = ({each[0] for each in side.sentences} for side in bench.router.connections())
         return result, first, last
 
@@ -85,7 +85,7 @@ def test_users_are_read_back_where_the_text_has_them(tmp_path: Path, more: str, 
 class Dear:
     """Refuses whatever would be sent."""
 
-    def judge(self, seen: Observed, estimate: Estimate | None, *, spends: bool, planned: bool) -> Admission:  # noqa: ARG002
+    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:  # noqa: ARG002
         return Admission((), "too dear" if spends else None)
 
 
@@ -144,8 +144,8 @@ LOCKED_OUT = '/ip firewall filter\nadd action=drop chain=input comment="atlantis
     ("changes", "message"),
     [
         ({"cost_policy": Dear(), "bearer": SATELLITE}, "too dear"),
-        ({"agreed": "another plan"}, "the device has changed since the plan was shown"),
-        ({"desired": desired.read(LOCKED_OUT)}, "would drop a new session of yours"),
+        ({"agreed_hash": "another plan"}, "the device has changed since the plan was shown"),
+        ({"desired_state": desired.read(LOCKED_OUT)}, "would drop a new session of yours"),
     ],
     ids=["cost", "agreed", "guard"],
 )

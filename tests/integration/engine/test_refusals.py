@@ -27,7 +27,7 @@ def refused(bench: Bench, status: Status, *words: str, **changes: Any) -> Device
     assert (result.status, result.exit) == (status, ExitCode.FAILED)
     for each in words:
         assert each in result.message
-    assert result.confirmed == 0
+    assert result.confirmed_count == 0
     assert now == before
     assert bench.store.runs("coastal")[0].outcomes["router"].status == status
     return result
@@ -124,7 +124,7 @@ def test_a_person_may_do_without_protection(tmp_path: Path) -> None:
     bench = Bench(tmp_path, spec={"version": "7.17.1", "device_mode": HOME})
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult]:
-        return await bench.converge(unprotected=True), await bench.converge(unprotected=True)
+        return await bench.converge(allows_unprotected=True), await bench.converge(allows_unprotected=True)
 
     first, second = on(bench, act)
     assert (first.status, first.protection, second.status) == (Status.CHANGED, "none", Status.UNCHANGED)
@@ -137,7 +137,7 @@ def test_a_device_without_safe_mode_takes_what_can_do_no_harm(tmp_path: Path) ->
     )
     bench = Bench(tmp_path, text=text, spec={"version": "7.16"})
     result = on(bench, lambda bench: bench.converge())
-    assert (result.status, result.protection, result.confirmed) == (Status.CHANGED, "none", 1)
+    assert (result.status, result.protection, result.confirmed_count) == (Status.CHANGED, "none", 1)
 
 
 def test_device_mode_home_is_no_obstacle(tmp_path: Path) -> None:

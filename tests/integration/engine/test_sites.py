@@ -49,10 +49,10 @@ async def twice(bench: Bench) -> list[DeviceResult]:
 def test_a_declared_router_converges_twice_at_the_promised_cost(tmp_path: Path, name: str, number: int) -> None:
     first, second = on(bench(tmp_path, name, reservations(number) if number else ""), twice)
     assert (first.status, second.status) == (Status.CHANGED, Status.UNCHANGED), first.message
-    assert first.confirmed == first.planned > 100 + number
+    assert first.confirmed_count == first.planned_count > 100 + number
     assert first.round_trips <= 22
     assert second.round_trips == 5
-    assert second.planned == 0
+    assert second.planned_count == 0
 
 
 def test_an_idle_run_over_iridium_is_five_round_trips_long(tmp_path: Path) -> None:
@@ -78,7 +78,7 @@ def test_the_estimate_is_what_it_costs(tmp_path: Path, name: str) -> None:
     for result in on(bench(tmp_path, name), act):
         assert result.estimate is not None
         assert result.estimate.round_trips == pytest.approx(result.round_trips, abs=1)
-        assert result.estimate.bytes == pytest.approx(result.sent + result.received, rel=0.25)
+        assert result.estimate.bytes == pytest.approx(result.sent_bytes + result.received_bytes, rel=0.25)
 
 
 def test_it_can_be_gone_back_to_what_it_was(tmp_path: Path) -> None:
@@ -136,5 +136,5 @@ def test_a_declared_router_converges_twice_below_7_18(tmp_path: Path, name: str,
     assert (first.status, first.protection) == (Status.CHANGED, "console-safe-mode" if ssh else "dead-man"), (
         first.message
     )
-    assert (second.status, second.planned) == (Status.UNCHANGED, 0), second.message
+    assert (second.status, second.planned_count) == (Status.UNCHANGED, 0), second.message
     assert "atlantis-dead-man" not in jobs

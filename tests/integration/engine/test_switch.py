@@ -48,7 +48,7 @@ def test_it_converges_twice(tmp_path: Path, version: str) -> None:
         first = await bench.converge()
         assert (first.status, first.protection) == ("changed", "safe-mode")
         again = await bench.converge()
-        assert (again.status, again.planned) == ("unchanged", 0)
+        assert (again.status, again.planned_count) == ("unchanged", 0)
 
     on(bench(tmp_path, text(isolated="ether3"), version), act)
 
@@ -69,7 +69,7 @@ def test_a_port_becomes_isolated_and_is_so_no_more(tmp_path: Path) -> None:
         assert "horizon" not in bench.export()
         bench.text = text(isolated="ether3")
         one = await bench.converge()
-        assert (one.status, one.planned) == ("changed", 1)
+        assert (one.status, one.planned_count) == ("changed", 1)
         assert "horizon=1" in bench.export()
         bench.text = text()
         back = await bench.converge()
@@ -87,7 +87,7 @@ def test_a_plan_that_cuts_the_cable_to_the_router_is_refused(tmp_path: Path) -> 
         before = bench.export()
         bench.text = text({"ether1": "off", "ether2": "uplink", "ether3": "lan"})
         refused = await bench.converge()
-        assert (refused.status, refused.confirmed) == (Status.REFUSED, 0)
+        assert (refused.status, refused.confirmed_count) == (Status.REFUSED, 0)
         assert "ether1" in refused.message
         assert bench.export() == before
 

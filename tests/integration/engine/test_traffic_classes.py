@@ -43,10 +43,10 @@ def test_classes_come_stay_and_go(tmp_path: Path) -> None:
 
     first, planned, added, again, drifted, back, gone, last = on(Bench(tmp_path, text=plain, spec=spec), act)
     assert first.status is Status.CHANGED, first.message
-    assert (planned.status, planned.planned) == (Status.PLANNED, 4)
-    assert (added.status, added.confirmed) == (Status.CHANGED, 4), added.message
-    assert (again.status, again.planned) == (Status.UNCHANGED, 0)
+    assert (planned.status, planned.planned_count) == (Status.PLANNED, 4)
+    assert (added.status, added.confirmed_count) == (Status.CHANGED, 4), added.message
+    assert (again.status, again.planned_count) == (Status.UNCHANGED, 0)
     assert drifted.status is Status.DRIFTED
-    assert (back.status, back.confirmed) == (Status.CHANGED, 1), back.message
+    assert (back.status, back.confirmed_count) == (Status.CHANGED, 1), back.message
     assert (gone.status, gone.message) == (Status.CHANGED, "2 actions on 4 rows applied and verified")
     assert last.status is Status.UNCHANGED

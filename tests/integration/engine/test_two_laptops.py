@@ -99,7 +99,7 @@ async def meet(bench: Bench, nth: int, second: str, *, at_once: bool, **changes:
     tasks: list[asyncio.Task[None]] = []
 
     async def laptop(name: str, text: str, **more: Any) -> None:  # noqa: ANN401
-        job = bench.job(desired=desired.read(text), **{"run": name, **changes, **more})
+        job = bench.job(desired_state=desired.read(text), **{"run": name, **changes, **more})
         meeting.ended.append((name, await converge(job)))
 
     async def start() -> None:
@@ -114,7 +114,7 @@ async def meet(bench: Bench, nth: int, second: str, *, at_once: bool, **changes:
     meeting.left = "atlantis-run" in str(await bench.router.console(["/ip/firewall/address-list/print"]))
     last = next((name for name, result in reversed(meeting.ended) if result.status is Status.CHANGED), None)
     text = second if last == "second" else bench.text
-    meeting.again = await bench.converge(JobMode.PLAN, desired=desired.read(text))
+    meeting.again = await bench.converge(JobMode.PLAN, desired_state=desired.read(text))
     return meeting
 
 
@@ -143,7 +143,7 @@ def judge(meeting: Meeting, first: str, second: str, version: str, where: object
     last = next((name for name, result in reversed(meeting.ended) if result.status is Status.CHANGED), None)
     assert last is not None, (where, told)
     assert meeting.again is not None
-    assert meeting.again.planned == 0, (where, told, meeting.again.diff)
+    assert meeting.again.planned_count == 0, (where, told, meeting.again.diff)
     if sum(result.status is Status.CHANGED for _, result in meeting.ended) == 1:
         assert meeting.now == states(second if last == "second" else first, version)[1], (where, told)
     assert not meeting.left, (where, told)

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from engine_bench import Bench, on
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.routeros import Deviation, Execute, ModemSpec, WireBehaviour
 from atlantis_netcfg.routeros.api import Session
@@ -23,7 +23,7 @@ from atlantis_netcfg.routeros.verify import (
     try_out,
 )
 
-READING = {each.id for each in ASSUMPTIONS if each.shown == READS}
+READING = {each.id for each in ASSUMPTIONS if each.proof == READS}
 MODEM = ModemSpec()
 SEED = "/tool netwatch add host=192.0.2.1 type=icmp\n"
 
@@ -71,7 +71,7 @@ def test_all_hold(tmp_path: Path, version: str) -> None:
 def test_below_safe_mode_a_device_is_read_and_nothing_is_tried(tmp_path: Path) -> None:
     async def act(bench: Bench) -> SeenAnswers:
         seen = await reading(bench)
-        with pytest.raises(DeviceFailed, match="no safe mode for the API"):
+        with pytest.raises(DeviceError, match="no safe mode for the API"):
             await try_out(bench.job().endpoint)
         return seen
 
@@ -144,7 +144,7 @@ def test_a_silent_session_is_noticed(
 def test_somebody_who_holds_safe_mode_is_left_alone(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
         await bench.router.console(["/safe-mode/take"])
-        with pytest.raises(DeviceFailed, match="somebody holds safe mode"):
+        with pytest.raises(DeviceError, match="somebody holds safe mode"):
             await try_out(bench.job().endpoint)
         (row,) = [answer for answer in await bench.router.console(["/safe-mode/print"]) if answer.kind == "!re"]
         assert "=current=true" in row.words
@@ -156,7 +156,7 @@ def test_scratch_rows_of_an_earlier_try_are_told_with_their_way_out(tmp_path: Pa
     async def act(bench: Bench) -> None:
         await bench.router.console(["/interface/bridge/add", "=name=left", f"=comment={MARK}"])
         before = bench.export()
-        with pytest.raises(DeviceFailed, match="1 scratch rows of an earlier try") as refused:
+        with pytest.raises(DeviceError, match="1 scratch rows of an earlier try") as refused:
             await try_out(bench.job().endpoint)
         assert f'/interface bridge remove [find comment="{MARK}"]' in str(refused.value.hint)
         assert bench.export() == before
@@ -166,7 +166,7 @@ def test_scratch_rows_of_an_earlier_try_are_told_with_their_way_out(tmp_path: Pa
 
 def test_a_device_that_was_never_met_is_refused(tmp_path: Path) -> None:
     async def act(bench: Bench) -> None:
-        with pytest.raises(DeviceFailed, match="certificate"):
+        with pytest.raises(DeviceError, match="certificate"):
             await read(replace(bench.job().endpoint, pin=None))
         assert bench.router.counters().logins == 0
 

@@ -6,7 +6,7 @@ import pytest
 from engine_bench import TEXT, Bench, leases, on
 
 from atlantis_netcfg.routeros import Status, desired
-from atlantis_netcfg.routeros._types import Observed, Plan
+from atlantis_netcfg.routeros._types import Observation, Plan
 from atlantis_netcfg.routeros.api import Command, Session
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._scripts import scripts
@@ -35,7 +35,7 @@ def ran(text: str) -> Command:
     return Command("/execute", (("script", text), ("as-string", "")))
 
 
-async def planned(bench: Bench, session: Session, text: str) -> tuple[Observed, Plan]:
+async def planned(bench: Bench, session: Session, text: str) -> tuple[Observation, Plan]:
     wanted = desired.read(text)
     seen = await observe(session, bench.job().endpoint, wanted.menus, GUARDED)
     return seen, plan("router", wanted, seen)
@@ -73,7 +73,7 @@ def test_after_any_part_of_a_plan(tmp_path: Path, first: str, second: str, versi
 
     async def act(bench: Bench) -> int:
         if first:
-            result = await bench.converge(desired=desired.read(first))
+            result = await bench.converge(desired_state=desired.read(first))
             assert result.status is Status.CHANGED
         return await every_part(bench, second, 1)
 
@@ -86,7 +86,7 @@ def test_a_way_back_that_would_hold_a_password(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
 
     async def act(bench: Bench) -> None:
-        await bench.converge(desired=desired.read(TEXT + client.format("hush-hush")))
+        await bench.converge(desired_state=desired.read(TEXT + client.format("hush-hush")))
         session = await Session.open(bench.job().endpoint)
         seen, aim = await planned(bench, session, TEXT + client.format("another"))
         with pytest.raises(CannotInvert, match="would hold a password in clear"):

@@ -17,7 +17,7 @@ def twice(tmp_path: Path, knobs: WireBehaviour) -> tuple[DeviceResult, DeviceRes
 
     async def act(bench: Bench) -> tuple[DeviceResult, DeviceResult, list[bool]]:
         told: list[bool] = []
-        endpoint = replace(bench.job().endpoint, narrowed=lambda: told.append(True))
+        endpoint = replace(bench.job().endpoint, on_window_shrink=lambda: told.append(True))
         first = await bench.converge(endpoint=endpoint)
         known = replace(endpoint, window=WINDOW) if told else endpoint
         return first, await bench.converge(endpoint=known), told

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import FaultKind, LinkFault
 from atlantis_netcfg.operations.links.session import ReadOnlySession
 from atlantis_netcfg.routeros import DeviceResult, Endpoint, Status
-from atlantis_netcfg.routeros.api import LoginRefused
+from atlantis_netcfg.routeros.api import LoginError
 from atlantis_netcfg.routeros.apply._change import change as changing
 from atlantis_netcfg.routeros.apply._scripts import scripts as written
 from atlantis_netcfg.routeros.apply._work import RunContext
@@ -76,8 +76,8 @@ def test_what_a_run_says_of_itself_is_what_the_wire_has_carried(scenario: Scenar
 
 def compare(result: DeviceResult, count: Count) -> None:
     assert result.round_trips == pytest.approx(count.round_trips, rel=0.1)
-    assert result.sent == pytest.approx(count.sent, rel=0.1)
-    assert result.received == pytest.approx(count.received, rel=0.1)
+    assert result.sent_bytes == pytest.approx(count.sent, rel=0.1)
+    assert result.received_bytes == pytest.approx(count.received, rel=0.1)
     assert result.sessions == count.connections
 
 
@@ -166,11 +166,11 @@ def test_a_look_at_the_links_tells_failed_sessions_as_well(tmp_path: Path) -> No
         async with Proxy("127.0.0.1", 0, (bench.router.host, bench.router.ports["api-ssl"]), PLAIN) as proxy:
             endpoint = at(proxy, bench.job().endpoint)
             door = ReadOnlySession("router", replace(endpoint, password=Secret("another one")))
-            with pytest.raises(LoginRefused):
-                async with door.opened():
+            with pytest.raises(LoginError):
+                async with door.open_session():
                     pass
             door.endpoint = replace(door.endpoint, password=Secret(PASSWORD))
-            async with door.opened():
+            async with door.open_session():
                 pass
             assert door.connections == proxy.count.connections == 2
             assert door.round_trips == proxy.count.round_trips

@@ -68,7 +68,7 @@ class World:
                 str(each.address),
                 tuple(str(canary) for canary in each.canaries),
                 kind=each.kind.value,
-                metered=each.metered,
+                is_metered=each.metered,
             )
             for each in self.declaration.sites[self.site].bearers
         )

@@ -66,7 +66,7 @@ def ground(tmp_path: Path) -> Iterator[Lab]:
     if (reason := why_not()) is not None:
         pytest.skip(reason)
     with open_lab(tmp_path / "yard") as made:
-        made.own(f"{ROUTER}/24")
+        made.add_address(f"{ROUTER}/24")
         yield made
 
 

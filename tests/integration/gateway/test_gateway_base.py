@@ -92,7 +92,7 @@ def who_answers(ground: Lab, stand: Stand) -> dict[str, bool]:  # noqa: F811 - a
 
 def test_nobody_is_shut_out(machine: Start, technician: Key, ground: Lab, tmp_path: Path) -> None:  # noqa: F811
     """The technician works from 192.0.2.1, which the site does not admit, as root or by sudo; then sshd is odd."""
-    ground.own("192.0.2.1/24")
+    ground.add_address("192.0.2.1/24")
     stand = made(machine, technician, tmp_path, address="192.0.2.10/24", gateway="192.0.2.1")
     stand.gateway.run("useradd -m odroid && cp -r /root/.ssh /home/odroid/ && chown -R odroid: /home/odroid/.ssh")
     stand.gateway.put("/etc/sudoers.d/odroid", "odroid ALL=(ALL) NOPASSWD: ALL\n", mode="0440")

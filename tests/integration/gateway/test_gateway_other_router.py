@@ -57,7 +57,7 @@ def stand(
 ) -> Stand:
     """A gateway as it comes from the vendor, and a robot's address beside it."""
     made = Stand(machine(NAME), technician, tmp_path, ["gateway_base"])
-    ground.own(f"{OTHER}/24")
+    ground.add_address(f"{OTHER}/24")
     made.gateway.put("/etc/systemd/system/chrony.service.d/test.conf", FREE_CLOCK)
     made.gateway.run("systemctl daemon-reload")
     return made

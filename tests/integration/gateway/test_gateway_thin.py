@@ -57,12 +57,12 @@ def test_the_tool_goes_over_once_and_again_where_it_is_not_whole(
 
     nothing = sent(stand, again)
     assert nothing < 60_000
-    assert nothing < len(made.packed) + CONNECTION, "the tool went over"
+    assert nothing < len(made.payload) + CONNECTION, "the tool went over"
     whole = f"{FOLDER}/{name}"
     for harm in (f"rm {whole}", f"truncate -s 1000 {whole}", f"printf x | dd conv=notrunc bs=1 seek=99 of={whole}"):
         stand.gateway.run(f"{harm}; touch {FOLDER}/{'0' * 64}.pyz {FOLDER}/.new-1")
         cost = sent(stand, again)
-        assert nothing + 0.9 * len(made.packed) < cost < nothing + len(made.packed) + 2 * CONNECTION
+        assert nothing + 0.9 * len(made.payload) < cost < nothing + len(made.payload) + 2 * CONNECTION
         assert tools(stand) == [name]
         stand.gateway.run(f"echo '{made.sha256}  {whole}' | sha256sum --check --status")
     assert sent(stand, again) < nothing + CONNECTION

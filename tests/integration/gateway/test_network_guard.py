@@ -81,7 +81,7 @@ def test_what_is_declared_comes_and_stays_whatever_is_tried_and_cut(network_stan
         lambda: "10.64.1.77/24" in network_stand.network()["addresses"]
     )  # systemd-networkd sets it when it is asked
     gateway.power_cut()
-    gateway.power_on(configured=False, wait_s=None)
+    gateway.power_on(is_configured=False, wait_s=None)
     wait_until(
         lambda: gateway.runs and gateway.run("systemctl is-active multi-user.target", check=False).returncode == 0
     )

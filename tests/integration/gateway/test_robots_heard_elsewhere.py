@@ -22,7 +22,7 @@ from atlantis_netcfg.emulator.lab import Lab, Machine
 from atlantis_netcfg.inventory.model import DdsPath
 from atlantis_netcfg.inventory.robots.reading import load_robots
 from atlantis_netcfg.operations.common.request import Request, Target
-from atlantis_netcfg.operations.robots.remote import VENV, ListeningFailed, listen_there
+from atlantis_netcfg.operations.robots.remote import VENV, ListenError, listen_there
 from atlantis_netcfg.robots.observation import judge
 
 if find_spec("cyclonedds") is None:
@@ -78,7 +78,7 @@ def test_a_control_centre_listens(
     )
     request = Request(state=tmp_path / "state", rehearsed=True, targets={CENTRE: target})
     host = DECLARED.hosts[CENTRE]
-    with pytest.raises(ListeningFailed, match=f"{CENTRE} can hear no robots: it has neither cyclonedds nor ROS 2"):
+    with pytest.raises(ListenError, match=f"{CENTRE} can hear no robots: it has neither cyclonedds nor ROS 2"):
         listen_there(DECLARED, host, 5, request=request)
     install(centre)
     robots = subprocess.Popen([*ground.prefix(), sys.executable, "-P", str(ROBOTS), ROUTER, "40"])
@@ -113,7 +113,7 @@ def _cut(centre: Machine, request: Request) -> None:
     def listen() -> None:
         try:
             outcome.append(listen_there(DECLARED, DECLARED.hosts[CENTRE], 600, request=request))
-        except ListeningFailed as error:
+        except ListenError as error:
             outcome.append(error)
 
     thread = threading.Thread(target=listen)
@@ -123,6 +123,6 @@ def _cut(centre: Machine, request: Request) -> None:
     centre.run("pkill -KILL -f '[s]shd: root@notty'")
     thread.join()
     (error,) = outcome
-    assert isinstance(error, ListeningFailed)
+    assert isinstance(error, ListenError)
     assert f"the connection to {CENTRE} ended before it had listened to the end" in str(error)
     wait_until(lambda: centre.run("pgrep -f '[z]lib.decompress'", check=False).returncode)

@@ -80,7 +80,7 @@ class Vpn:
         for name, text in texts.items():
             (self.folder / name).write_text(text)
             (self.folder / name).chmod(0o600)
-        self.ground.own(f"{ENDPOINT}/32")
+        self.ground.add_address(f"{ENDPOINT}/32")
         self.running = subprocess.Popen(
             [*self.ground.prefix(), "openvpn", "--config", str(self.folder / "server.conf")]
         )

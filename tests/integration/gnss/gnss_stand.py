@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ports import held_port
 
-from atlantis_netcfg.checklist.probes import Answer, Judged, Listen, Place
+from atlantis_netcfg.checklist.probes import Answer, Listen, Place, ProbeResult
 from atlantis_netcfg.checklist.probes.gps import GpsExpectation, StreamGps
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
@@ -101,16 +101,16 @@ class Asked:
         return replace(question, listen_s=self.listen_s, say=say)
 
 
-def judged(sources: Mapping[str, Asked]) -> dict[str, Judged]:
+def judged(sources: Mapping[str, Asked]) -> dict[str, ProbeResult]:
     """Listen to all sources at the same time, and judge each."""
     questions = [(name, source.question) for name, source in sources.items()]
     answers = asyncio.run(ask_here(questions, lambda _key, _answer: None))
     return {name: _judge(source, answers[name]) for name, source in sources.items()}
 
 
-def _judge(source: Asked, answer: Answer) -> Judged:
+def _judge(source: Asked, answer: Answer) -> ProbeResult:
     return source.probe.judge({source.question.name: answer})
 
 
-def codes(found: Judged) -> Sequence[str]:
+def codes(found: ProbeResult) -> Sequence[str]:
     return [f"{one.verdict} {one.code}" for one in found.findings]

@@ -63,13 +63,13 @@ MOODS = {
     "healthy": GnssSpec(),
     "no fix": GnssSpec(mode=1),
     "two dimensions": GnssSpec(mode=2),
-    "swapped": GnssSpec(swapped=True),
+    "swapped": GnssSpec(has_swapped_axes=True),
     "jumping": GnssSpec(jumping_m=200.0),
     "simulated": GnssSpec(status=8),
     "dead reckoning": GnssSpec(status=5),
     "RTK fixed": GnssSpec(status=3),
     "clock": GnssSpec(time_offset_s=-3600.0),
-    "no time": GnssSpec(timed=False),
+    "no time": GnssSpec(has_time=False),
 }
 EXPECTED = {
     "healthy": ["PASS fix"],

@@ -19,25 +19,25 @@ CASES: dict[str, tuple[GpsDriver, GnssSpec, list[str]]] = {
     "gpsd, far away": (GPSD, GnssSpec(latitude=38.7), ["FAIL outside-geofence"]),
     "gpsd, surveyed": (GPSD, GnssSpec(status=7), ["INCONCLUSIVE position-manual"]),
     "gpsd, uncertain": (GPSD, GnssSpec(eph_m=90.0), ["WARN position-uncertain"]),
-    "gpsd, damaged": (GPSD, GnssSpec(damaged=2, every_s=0.1), ["WARN damaged"]),
+    "gpsd, damaged": (GPSD, GnssSpec(damage_interval=2, every_s=0.1), ["WARN damaged"]),
     "gpsd, silent": (GPSD, GnssSpec(speech=Speech.NOTHING), ["FAIL no-data"]),
     "gpsd, garbage": (GPSD, GnssSpec(speech=Speech.GARBAGE), ["FAIL no-data"]),
-    "gpsd, not started": (GPSD, GnssSpec(access=GnssAccess.REFUSED), ["FAIL driver-not-started"]),
+    "gpsd, not started": (GPSD, GnssSpec(access=GnssAccess.UNREACHABLE), ["FAIL driver-not-started"]),
     "gpsd, mute": (GPSD, GnssSpec(access=GnssAccess.MUTE), ["FAIL no-data"]),
     "NMEA, healthy": (TCP, GnssSpec(), ["PASS fix"]),
     "NMEA, byte by byte": (TCP, GnssSpec(piecewise=True), ["PASS fix"]),
     "NMEA, no fix": (TCP, GnssSpec(mode=1), ["FAIL no-fix"]),
     "NMEA, stale": (TCP, GnssSpec(stale=True), ["FAIL fix-stale"]),
-    "NMEA, swapped": (TCP, GnssSpec(swapped=True), ["FAIL position-swapped"]),
+    "NMEA, swapped": (TCP, GnssSpec(has_swapped_axes=True), ["FAIL position-swapped"]),
     "NMEA, jumping": (TCP, GnssSpec(jumping_m=200.0), ["FAIL position-jumps"]),
     "NMEA, simulated": (TCP, GnssSpec(status=8), ["FAIL position-simulated"]),
     "NMEA, clock": (TCP, GnssSpec(time_offset_s=40.0), ["INCONCLUSIVE clock-differs"]),
-    "NMEA, no date": (TCP, GnssSpec(timed=False), ["WARN no-date"]),
+    "NMEA, no date": (TCP, GnssSpec(has_time=False), ["WARN no-date"]),
     "NMEA, poor": (TCP, GnssSpec(hdop=9.0), ["WARN position-uncertain"]),
     "NMEA, garbage": (TCP, GnssSpec(speech=Speech.GARBAGE), ["FAIL not-nmea"]),
     "NMEA, silent": (TCP, GnssSpec(speech=Speech.NOTHING), ["INCONCLUSIVE no-data"]),
     "NMEA, in use": (TCP, GnssSpec(access=GnssAccess.IN_USE), ["INCONCLUSIVE in-use"]),
-    "NMEA, refused": (TCP, GnssSpec(access=GnssAccess.REFUSED), ["INCONCLUSIVE refused"]),
+    "NMEA, refused": (TCP, GnssSpec(access=GnssAccess.UNREACHABLE), ["INCONCLUSIVE refused"]),
     "serial, healthy": (SERIAL, GnssSpec(), ["PASS fix"]),
     "serial, byte by byte": (SERIAL, GnssSpec(piecewise=True), ["PASS fix"]),
     "serial, no fix": (SERIAL, GnssSpec(mode=1), ["FAIL no-fix"]),
@@ -51,9 +51,9 @@ LONG_S = 2.2
 
 
 def listened(name: str, spec: GnssSpec) -> float | None:
-    if spec.speech is not Speech.POSITIONS or spec.access is not GnssAccess.SERVED:
+    if spec.speech is not Speech.POSITIONS or spec.access is not GnssAccess.OPEN:
         return SHORT_S
-    until_the_end = spec.silent_after is not None or spec.damaged or "no date" in name
+    until_the_end = spec.silent_after is not None or spec.damage_interval or "no date" in name
     return LONG_S if until_the_end else None
 
 

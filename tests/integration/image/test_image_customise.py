@@ -13,7 +13,7 @@ import pytest
 from image_made import BOOT_AT, KEY, ROOT, ROOT_AT, disk, run, tree
 
 from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4
-from atlantis_netcfg.computers.image.facts import Edit, ImageFile, ImageRefused, ImageRequest, Remove, StaticNetwork
+from atlantis_netcfg.computers.image.facts import Edit, ImageError, ImageFile, ImageRequest, Remove, StaticNetwork
 from atlantis_netcfg.computers.image.plan import customise
 
 WISH = ImageRequest(
@@ -140,7 +140,7 @@ def test_an_image_of_another_kind_is_refused(image: Path, at: int, data: bytes, 
     with image.open("r+b") as file:
         file.seek(at)
         file.write(data)
-    with pytest.raises(ImageRefused, match=said):
+    with pytest.raises(ImageError, match=said):
         customise(image, N2, WISH)
 
 
@@ -148,7 +148,7 @@ def test_a_full_file_system_is_told(tmp_path: Path) -> None:
     """debugfs ends with 0 also where it could not write: reading back finds it."""
     image = disk(tmp_path / "full.img", tree(tmp_path / "root"), root_mib=4)
     root = Ext4(image, ROOT_AT)
-    with pytest.raises(ImageRefused, match=r"/etc/large of the image could not be set|damaged after"):
+    with pytest.raises(ImageError, match=r"/etc/large of the image could not be set|damaged after"):
         root.apply([ImageFile("/etc/large", b"x" * 8 * 2**20)])
 
 
@@ -156,13 +156,13 @@ def test_a_full_file_system_is_told(tmp_path: Path) -> None:
     "edit", [ImageFile("/etc/a b", b""), ImageFile("/etc/../x", b""), Remove('/etc/"x"'), ImageFile("etc/x", b"")]
 )
 def test_a_path_that_debugfs_could_take_apart_is_refused(image: Path, edit: Edit) -> None:
-    with pytest.raises(ImageRefused, match="cannot be the path of a file"):
+    with pytest.raises(ImageError, match="cannot be the path of a file"):
         Ext4(image, ROOT_AT).apply([edit])
 
 
 def test_a_missing_program_is_named(image: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("shutil.which", lambda _name, **_more: None)
-    with pytest.raises(ImageRefused, match="`e2fsck` is not installed") as caught:
+    with pytest.raises(ImageError, match="`e2fsck` is not installed") as caught:
         customise(image, N2, WISH)
     assert caught.value.hint == "sudo apt install e2fsprogs"
 
@@ -188,7 +188,7 @@ def test_a_link_in_the_place_of_a_file_or_folder_is_named(tmp_path: Path, path: 
         aside.mkdir()
     (root / path[1:]).symlink_to(target)
     image = disk(tmp_path / "gw.img", root)
-    with pytest.raises(ImageRefused, match=f"{path} of the image is a symbolic link to {target}, and what lies behind"):
+    with pytest.raises(ImageError, match=f"{path} of the image is a symbolic link to {target}, and what lies behind"):
         customise(image, N2, WISH)
     assert cat(image, "/etc/hostname") == "odroid\n"
 
@@ -204,7 +204,7 @@ def test_a_link_on_the_way_is_followed(tmp_path: Path) -> None:
 
 def test_a_feature_that_debugfs_cannot_edit_is_named(tmp_path: Path) -> None:
     image = disk(tmp_path / "gw.img", tree(tmp_path / "root"), features="inline_data")
-    with pytest.raises(ImageRefused, match="has the feature `inline_data`, which debugfs cannot edit"):
+    with pytest.raises(ImageError, match="has the feature `inline_data`, which debugfs cannot edit"):
         customise(image, N2, WISH)
 
 
@@ -216,7 +216,7 @@ def test_a_feature_that_nobody_here_knows_is_no_damage(tmp_path: Path) -> None:
         (features,) = struct.unpack("<I", file.read(4))
         file.seek(ROOT_AT + 1024 + 0x60)
         file.write(struct.pack("<I", features | 1 << 31))
-    with pytest.raises(ImageRefused, match="e2fsprogs of this computer does not know: FEATURE_I31"):
+    with pytest.raises(ImageError, match="e2fsprogs of this computer does not know: FEATURE_I31"):
         customise(image, N2, WISH)
 
 
@@ -255,7 +255,7 @@ def test_cloud_init_does_not_come_back(tmp_path: Path) -> None:
     note = tmp_path / "boot.ini"
     note.write_text("ODROIDN2-UBOOT-CONFIG\nsetenv bootargs cloud-init=enabled\n")
     run("mcopy", "-o", "-i", f"{image}@@{BOOT_AT}", str(note), "::boot.ini")
-    with pytest.raises(ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel"):
+    with pytest.raises(ImageError, match=r"boot\.ini on the FAT partition of the image tells the kernel"):
         customise(image, N2, WISH)
 
 

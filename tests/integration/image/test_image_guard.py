@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from blocks_fake import DOCK, LOOP, NVME, SATA, SLOT, USB, FakeDisk, Tree
 
-from atlantis_netcfg.computers.image.blocks import BlockTree, DeviceBus, admit, confirmed, same
-from atlantis_netcfg.computers.image.facts import DeviceRefused
+from atlantis_netcfg.computers.image.blocks import BlockTree, DeviceBus, admit, require_confirmation, same
+from atlantis_netcfg.computers.image.facts import BlockDeviceError
 from atlantis_netcfg.core.errors import ExitCode
 
 NODE = Path("/dev/loop0")
@@ -71,7 +71,7 @@ def test_refused(name: str, tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     make, said = CASES[name]
     make(tree)
-    with pytest.raises(DeviceRefused) as caught:
+    with pytest.raises(BlockDeviceError) as caught:
         admit(tree.blocks, NODE, 10**9)
     assert caught.value.exit is ExitCode.USAGE
     head, *why = str(caught.value).splitlines()
@@ -84,7 +84,7 @@ def test_all_reasons_are_told_together(tmp_path: Path) -> None:
     disk = tree.disk(bus=SATA, size=10**6)
     disk.say(ro="1")
     tree.mount("7:0", "/", "/dev/root")
-    with pytest.raises(DeviceRefused) as caught:
+    with pytest.raises(BlockDeviceError) as caught:
         admit(tree.blocks, NODE, 10**9)
     assert len(str(caught.value).splitlines()) == 5
 
@@ -101,30 +101,30 @@ def test_a_card_is_admitted(bus: str, serial: str, kind: DeviceBus, tmp_path: Pa
     found = admit(tree.blocks, NODE, 10**9)
     assert (found.bus, found.serial, found.size, found.diskseq) == (kind, serial, 8 * 10**9, 7)
     assert found.proof == (serial or "sdb-8000000000")
-    confirmed(found, f" {found.proof}\n")
+    require_confirmation(found, f" {found.proof}\n")
 
 
 def test_a_wrong_serial_is_refused(tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     usual(tree)
-    with pytest.raises(DeviceRefused, match="`yes` is not the serial of sdb, and nothing was written"):
-        confirmed(admit(tree.blocks, NODE), "yes")
+    with pytest.raises(BlockDeviceError, match="`yes` is not the serial of sdb, and nothing was written"):
+        require_confirmation(admit(tree.blocks, NODE), "yes")
 
 
 def test_a_plain_file_and_a_missing_path_are_refused(tmp_path: Path) -> None:
     tree = Tree(tmp_path)
     file = tmp_path / "sdb"
     file.write_bytes(b"kept")
-    with pytest.raises(DeviceRefused, match="is not a block device"):
+    with pytest.raises(BlockDeviceError, match="is not a block device"):
         admit(tree.blocks, file)
-    with pytest.raises(DeviceRefused, match="there is no "):
+    with pytest.raises(BlockDeviceError, match="there is no "):
         admit(tree.blocks, tmp_path / "sdx")
     assert file.read_bytes() == b"kept"
     assert not (tmp_path / "sdx").exists()
 
 
 def test_a_device_that_the_kernel_does_not_know_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DeviceRefused, match="is gone, or cannot be read"):
+    with pytest.raises(BlockDeviceError, match="is gone, or cannot be read"):
         admit(Tree(tmp_path).blocks, NODE)
 
 
@@ -143,7 +143,7 @@ def test_a_device_that_has_changed_is_refused(change: Callable[[FakeDisk], objec
     shown = admit(tree.blocks, NODE)
     same(tree.blocks, NODE, shown, 10**9)
     change(disk)
-    with pytest.raises(DeviceRefused) as caught:
+    with pytest.raises(BlockDeviceError) as caught:
         same(tree.blocks, NODE, shown, 10**9)
     assert said in str(caught.value)
     assert "nothing was written" in str(caught.value)
@@ -158,7 +158,7 @@ def test_the_disk_that_this_computer_runs_from_is_refused() -> None:
         if node.is_block_device():
             try:
                 admitted.append(admit(BlockTree(), node).name)
-            except DeviceRefused:
+            except BlockDeviceError:
                 continue
     uses = {name: BlockTree().disk(Path("/dev") / name).uses for name in admitted}
     assert all(use == () for use in uses.values())

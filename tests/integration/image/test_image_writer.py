@@ -12,7 +12,7 @@ import pytest
 from blocks_fake import LoopCard, Tree, loop
 
 from atlantis_netcfg.computers.image.blocks import admit
-from atlantis_netcfg.computers.image.facts import CardUnfinished, DeviceRefused
+from atlantis_netcfg.computers.image.facts import BlockDeviceError, CardWriteError
 from atlantis_netcfg.computers.image.source import Segment, SourceKind, segments
 from atlantis_netcfg.computers.image.writer import Card, Progress, WriterStep, WrittenCard, write
 from atlantis_netcfg.core.errors import ExitCode
@@ -58,7 +58,7 @@ def test_the_card_is_the_image_and_nothing_shines_through(tmp_path: Path, image:
     assert written.compared == SIZE
     assert written.data + written.cleared + written.skipped == SIZE
     assert {each.step for each in told} == {WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING}
-    assert all(each.done == each.total for each in told if "100 %" in each.words)
+    assert all(each.done_bytes == each.total for each in told if "100 %" in each.words)
 
 
 def test_writing_again_writes_no_zeros(tmp_path: Path, image: Path, used: LoopCard) -> None:
@@ -105,7 +105,7 @@ class Stopped:
 @pytest.mark.parametrize("step", [WriterStep.CLEARING, WriterStep.WRITING, WriterStep.COMPARING])
 def test_a_card_that_was_stopped_does_not_boot(step: WriterStep, tmp_path: Path, image: Path, used: LoopCard) -> None:
     card = shown(tmp_path, used)
-    with pytest.raises(CardUnfinished, match=r"it was stopped. Its first block is empty") as caught:
+    with pytest.raises(CardWriteError, match=r"it was stopped. Its first block is empty") as caught:
         write(image, segments(image, SIZE), card, Stopped(step))
     assert caught.value.exit is ExitCode.FAILED
     assert used.device.read_bytes()[:MIB] == bytes(MIB)
@@ -154,7 +154,7 @@ def test_a_card_that_does_not_keep_what_it_is_given(
 
     card = shown(tmp_path, used)
     monkeypatch.setattr(os, "pwrite", lossy)
-    with pytest.raises(CardUnfinished, match="are not those that were written"):
+    with pytest.raises(CardWriteError, match="are not those that were written"):
         put(image, card)
     monkeypatch.undo()
     assert used.device.read_bytes()[:MIB] == bytes(MIB)
@@ -169,7 +169,7 @@ def test_an_error_of_the_card_is_told(
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr(os, "pwrite", broken)
-    with pytest.raises(CardUnfinished, match=r"Input/output error.*could not be cleared either: do not use this card"):
+    with pytest.raises(CardWriteError, match=r"Input/output error.*could not be cleared either: do not use this card"):
         put(image, card)
 
 
@@ -177,7 +177,7 @@ def test_a_mounted_disk_is_refused_by_the_kernel_as_well(tmp_path: Path, image: 
     """The tree does not tell of it, as with a mount of another namespace: O_EXCL does."""
     held = os.open(used.device, os.O_RDWR | os.O_EXCL)
     try:
-        with pytest.raises(DeviceRefused, match="is in use by this computer, and nothing was written"):
+        with pytest.raises(BlockDeviceError, match="is in use by this computer, and nothing was written"):
             put(image, shown(tmp_path, used))
     finally:
         os.close(held)
@@ -186,14 +186,14 @@ def test_a_mounted_disk_is_refused_by_the_kernel_as_well(tmp_path: Path, image: 
 
 
 def test_a_size_that_the_kernel_does_not_confirm_is_refused(tmp_path: Path, image: Path, used: LoopCard) -> None:
-    with pytest.raises(DeviceRefused, match="not the 33554944 that were shown; nothing was written"):
+    with pytest.raises(BlockDeviceError, match="not the 33554944 that were shown; nothing was written"):
         put(image, shown(tmp_path, used, 32 * MIB + 512))
     assert used.device.read_bytes()[: len(OLD)] == OLD
 
 
 def test_a_card_that_is_too_small_is_refused(tmp_path: Path, image: Path) -> None:
     with loop(tmp_path / "small", 16 * MIB, OLD) as card:
-        with pytest.raises(DeviceRefused, match=f"it has {16 * MIB} bytes, and the image needs {SIZE}"):
+        with pytest.raises(BlockDeviceError, match=f"it has {16 * MIB} bytes, and the image needs {SIZE}"):
             put(image, shown(tmp_path, card, 16 * MIB))
         assert card.device.read_bytes()[: len(OLD)] == OLD
 

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.emulator.routeros import RouterLink, RunningSite, SiteSpec, TwinSpec
 from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations.apply import perform
-from atlantis_netcfg.operations.common.kinds import handled, is_unit
+from atlantis_netcfg.operations.common.kinds import is_supported, is_unit
 from atlantis_netcfg.operations.common.rehearsal import site_spec
 from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.common.schedule import with_other_ends
@@ -49,7 +49,7 @@ class Bench:
 
     def report(self, *only: str) -> LinksReport:
         """What a person and a program get of it."""
-        return self.look(*only).report(self.site, self.declaration.sites[self.site].title, rehearsed=True)
+        return self.look(*only).report(self.site, self.declaration.sites[self.site].title, is_rehearsal=True)
 
     def do(self, twin: str, command: str, **arguments: Any) -> Any:  # noqa: ANN401 (JSON of any shape)
         """Command a twin."""
@@ -155,7 +155,7 @@ def _made(folder: Path) -> Path:
 
 
 def _spec(declaration: Declaration, chosen: Sequence[Host], spoil: Callable[[TwinSpec], TwinSpec] | None) -> SiteSpec:
-    hosts = with_other_ends(declaration, [host for host in chosen if handled(host)])
+    hosts = with_other_ends(declaration, [host for host in chosen if is_supported(host)])
     spec = site_spec(declaration, hosts, along={host.name for host in hosts} - {host.name for host in chosen})
     near = tuple(twin.model_copy(update={"link": RouterLink()}) for twin in spec.twins)
     return spec.model_copy(update={"twins": tuple(map(spoil, near)) if spoil is not None else near})

@@ -17,7 +17,7 @@ from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import choose
 from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt.collect import SiteLook
-from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compared
+from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord, DeviceRecord, Link, Origin, ReadState, compare
 from atlantis_netcfg.runs import utc_now
 
 pytestmark = pytest.mark.slow
@@ -46,7 +46,7 @@ def looked(coastal: Bench, *only: str, name: str = "1") -> tuple[AsBuiltRecord, 
     devices = asyncio.run(site.devices(choose(coastal.declaration, "coastal", only)))
     made = AsBuiltRecord(
         id=name, site="coastal", title="Coastal testbed", at=utc_now(), tool="0", inventory="", rehearsed=True,
-        mask=NumberMask.LAST4, devices=devices, spent=site.spent,
+        mask=NumberMask.LAST4, devices=devices, spent=site.usage,
     )  # fmt: skip
     return made, site
 
@@ -78,9 +78,9 @@ def test_every_device_is_there_with_what_came_of_it(coastal: Bench) -> None:
 def test_a_device_is_read_in_one_session_of_five_turns_and_a_few_kilobytes(coastal: Bench) -> None:
     _, site = looked(coastal)
     assert set(site.sessions) == {ROUTER, NEAR, UNIT}
-    assert {name: spent.round_trips for name, spent in site.spent.items()} == dict.fromkeys(site.sessions, 5)
+    assert {name: spent.round_trips for name, spent in site.usage.items()} == dict.fromkeys(site.sessions, 5)
     assert {name: session.connections for name, session in site.sessions.items()} == dict.fromkeys(site.sessions, 1)
-    assert max(spent.bytes for spent in site.spent.values()) < 9_000
+    assert max(spent.bytes for spent in site.usage.values()) < 9_000
 
 
 def test_what_is_read_costs_nothing_that_is_not_told(coastal: Bench) -> None:
@@ -106,10 +106,10 @@ def test_what_is_plugged_into_a_port_is_a_difference(coastal: Bench) -> None:
     before, _ = looked(coastal, name="1")
     coastal.do(ROUTER, "around", plugged={"ether4": [MAC]})
     now, _ = looked(coastal, name="2")
-    told = [change.words for change in compared(now, before).changes]
+    told = [change.words for change in compare(now, before).changes]
     # The inventory has a reservation for this card.
     assert told == [f"{ROUTER}: port ether4 now has {MAC} (zarco)"]
-    assert compared(looked(coastal, name="3")[0], now).changes == ()
+    assert compare(looked(coastal, name="3")[0], now).changes == ()
 
 
 def test_a_port_without_a_link_is_a_difference(coastal: Bench) -> None:
@@ -117,7 +117,7 @@ def test_a_port_without_a_link_is_a_difference(coastal: Bench) -> None:
     coastal.types(ROUTER, "/interface/ethernet/disable", "=numbers=ether5")
     now, _ = looked(coastal, name="2")
     coastal.types(ROUTER, "/interface/ethernet/enable", "=numbers=ether5")
-    assert [change.words for change in compared(now, before).changes] == [
+    assert [change.words for change in compare(now, before).changes] == [
         f"{ROUTER}: link of port ether5 changed from up to down"
     ]
     assert next(port.link for port in device(now, ROUTER).ports if port.name == "ether5") is Link.DOWN
@@ -126,7 +126,7 @@ def test_a_port_without_a_link_is_a_difference(coastal: Bench) -> None:
 def test_a_device_that_does_not_answer_is_not_green_and_keeps_what_was_known(coastal: Bench) -> None:
     before, _ = looked(coastal, name="1")
     coastal.away(NEAR)
-    record = compared(looked(coastal, name="2")[0], before)
+    record = compare(looked(coastal, name="2")[0], before)
     near = device(record, NEAR)
     assert (near.state, record.exit) == (ReadState.NOT_REACHED, ExitCode.CHECKS_FAILED)
     assert near.facts["serial"].origin is Origin.STORED
@@ -148,7 +148,7 @@ def test_an_impostor_is_told_nothing_and_gives_nothing(coastal: Bench) -> None:
 
 def test_only_some_are_asked_and_nobody_is_no_green(coastal: Bench) -> None:
     record, site = looked(coastal, TERMINAL)
-    assert (record.exit, site.spent) == (ExitCode.NOTHING, {})
+    assert (record.exit, site.usage) == (ExitCode.NOTHING, {})
     assert device(record, ROUTER).state is ReadState.LEFT_OUT
 
 

@@ -63,7 +63,7 @@ def test_all_is_well(coastal: Bench) -> None:
 
 
 def test_a_survey_hears_the_unit_and_knows_which_link_carries_the_traffic(coastal: Bench) -> None:
-    hosts, store = coastal.declaration.hosts, Store(coastal.request.state, rehearsed=True)
+    hosts, store = coastal.declaration.hosts, Store(coastal.request.state, is_rehearsal=True)
     radio = UnitRadio(coastal.declaration, hosts[UNIT], coastal.request, store, hosts[ROUTER])
     heard = radio.read()
     assert (heard.cell, heard.rsrp_dbm, heard.technology, heard.no_radio) == ("3103242", -97.0, "lte", "")
@@ -146,19 +146,19 @@ def test_nobody_answers(coastal: Bench) -> None:
 
 def test_only_some_are_asked(coastal: Bench) -> None:
     report = coastal.report(ROUTER)
-    assert report.asked == (ROUTER,)
+    assert report.queried_devices == (ROUTER,)
     assert set(report.not_asked) == {NEAR, FAR, UNIT, TERMINAL}
     assert report.bearers["wifi-ptp"]["state"] == "up"
     assert report.exit is ExitCode.DONE
     radios = coastal.report(NEAR)
-    assert set(radios.asked) == {NEAR, FAR}
+    assert set(radios.queried_devices) == {NEAR, FAR}
     assert radios.as_text().endswith("is not known: the router was not read")
 
 
 def test_nobody_was_asked(coastal: Bench) -> None:
     report = coastal.report(TERMINAL)
     assert report.exit is ExitCode.NOTHING
-    assert report.asked == ()
+    assert report.queried_devices == ()
     assert report.as_text().endswith("Nobody was asked, so nothing is known of coastal")
 
 

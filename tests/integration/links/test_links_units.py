@@ -210,7 +210,7 @@ def test_a_mikrotik_box_that_roams_and_may_not(tmp_path: Path) -> None:
 def test_a_pin_that_a_run_has_tried_on_a_mikrotik_box_is_wrong(tmp_path: Path) -> None:
     with bench(tmp_path, "coastal", BOX, spoil=with_modem(ModemSpec(sim=SimSpec(pin="1234")))) as coastal:
         assert codes(coastal.report(BOX)) == ["FAIL pin-needed"]
-        store = Store(coastal.request.state, rehearsed=True)
+        store = Store(coastal.request.state, is_rehearsal=True)
         TriedPin(store.root, "coastal", BOX).remember()
         assert codes(coastal.report(BOX)) == ["FAIL pin-wrong"]
 

@@ -7,7 +7,7 @@ import paramiko
 import pytest
 from machine_stand import ADDRESS, ROUTER, bare, client, gateway, ground, key, ssh
 
-from atlantis_netcfg.emulator.lab import Lab, Machine, MachineFailed
+from atlantis_netcfg.emulator.lab import Lab, Machine, MachineError
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -17,7 +17,7 @@ _READ_BOUNDING_SET = "grep CapBnd /proc/self/status"
 
 @pytest.mark.smoke
 def test_it_boots_without_a_failed_unit(gateway: Machine) -> None:
-    assert gateway.state(settled=True) == "running"
+    assert gateway.state(wait_for_boot=True) == "running"
     assert gateway.run("systemctl --failed --plain --no-legend").stdout == ""
     assert gateway.run("hostname; cat /etc/hostname").stdout == "coastal-gateway\ncoastal-gateway\n"
     assert gateway.run("ip -br -4 address show eth0").stdout.split()[2] == ADDRESS
@@ -61,14 +61,14 @@ def test_commands_get_input_and_tell_their_failure(gateway: Machine) -> None:
     assert gateway.run("cat", input="in\n").stdout == "in\n"
     assert gateway.run("stat -c %a '/etc/atlantis/new folder/file'").stdout == "600\n"
     assert gateway.run("exit 3", check=False).returncode == 3
-    with pytest.raises(MachineFailed, match=r"coastal-gateway: ls /none: ended with 2: ls: cannot access '/none'"):
+    with pytest.raises(MachineError, match=r"coastal-gateway: ls /none: ended with 2: ls: cannot access '/none'"):
         gateway.run("ls /none")
 
 
 def test_a_spare_interface_and_a_network_of_its_own_making(ground: Lab, bare: Path, key: paramiko.PKey) -> None:
     keys = (f"{key.get_name()} {key.get_base64()}",)
     one = ground.start(
-        *("robot", bare), address=ADDRESS, gateway=ROUTER, keys=keys, spare="eth1", configured=False, wait_s=None
+        *("robot", bare), address=ADDRESS, gateway=ROUTER, keys=keys, spare="eth1", is_configured=False, wait_s=None
     )
     while one.run("ls /run/sshd.pid", check=False).returncode:
         pass
@@ -99,5 +99,5 @@ def test_machines_of_a_yard_and_its_servers_reach_each_other(
 
 
 def test_one_name_stands_once(gateway: Machine, ground: Lab, bare: Path) -> None:
-    with pytest.raises(MachineFailed, match=f"{gateway.name} stands in this yard already"):
+    with pytest.raises(MachineError, match=f"{gateway.name} stands in this yard already"):
         ground.start(gateway.name, bare, address=ADDRESS, gateway=ROUTER)

@@ -116,7 +116,7 @@ def test_yards_of_other_owners_stand_beside_it(owner: Owner, gateway: Machine, g
         assert all(left(name) for name in names)
         assert gateway.run("hostname").stdout == "coastal-gateway\n"
     assert left(third.name) == []
-    assert gateway.state(settled=True) == "running"
+    assert gateway.state(wait_for_boot=True) == "running"
     assert owner.process.poll() is None
 
 

@@ -7,7 +7,7 @@ import pytest
 from machine_stand import bare, gateway, ground, key, ssh
 from waiting import HANG_S
 
-from atlantis_netcfg.emulator.lab import Machine, MachineFailed
+from atlantis_netcfg.emulator.lab import Machine, MachineError
 
 __all__ = ["bare", "gateway", "ground", "key"]
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
@@ -21,7 +21,7 @@ def test_what_was_synced_outlives_a_power_cut_and_processes_do_not(gateway: Mach
     gateway.run("systemd-run --quiet --unit=busy sleep infinity")
     gateway.power_cut()
     assert not gateway.runs
-    with pytest.raises(MachineFailed, match="coastal-gateway is off"):
+    with pytest.raises(MachineError, match="coastal-gateway is off"):
         gateway.run("true")
     gateway.put("/root/by-hand", "on the bench\n")
     gateway.power_on()
@@ -49,8 +49,8 @@ def test_a_reboot_from_inside_ends_it_until_it_gets_power(gateway: Machine) -> N
     while gateway.runs:
         pass
     gateway.power_on()
-    assert gateway.state(settled=True) == "running"
-    with pytest.raises(MachineFailed, match="coastal-gateway runs already"):
+    assert gateway.state(wait_for_boot=True) == "running"
+    with pytest.raises(MachineError, match="coastal-gateway runs already"):
         gateway.power_on()
 
 
@@ -72,5 +72,5 @@ def test_its_disk_has_the_size_that_was_asked_for(gateway: Machine) -> None:
 def test_a_machine_that_cannot_boot_says_so_with_its_console(gateway: Machine) -> None:
     gateway.power_cut()
     gateway.put("/sbin/init", "not a program\n", mode="0755")
-    with pytest.raises(MachineFailed, match=r"machine coastal-gateway ended while it booted; its console \(.*\):\n  "):
+    with pytest.raises(MachineError, match=r"machine coastal-gateway ended while it booted; its console \(.*\):\n  "):
         gateway.power_on()

@@ -12,12 +12,12 @@ import pytest
 from pymavlink import mavutil
 from waiting import wait_until
 
-from atlantis_netcfg.checklist.probes import Judged, Listen, Place
-from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved
+from atlantis_netcfg.checklist.probes import Listen, Place, ProbeResult
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, StickMovementProbe
 from atlantis_netcfg.checklist.runner import ask_here
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec, RunningAutopilot
 
-Probe = RcHeard | SticksMoved
+Probe = RcHeard | StickMovementProbe
 WANTED = RcExpectation("Stork", "this computer", 0, address="127.0.0.1")
 
 
@@ -28,7 +28,7 @@ def listening(probe: Probe, listen_s: float | None) -> Listen:
     return question if listen_s is None else replace(question, listen_s=listen_s)
 
 
-def judged(probes: Mapping[str, tuple[Probe, float | None]]) -> dict[str, Judged]:
+def judged(probes: Mapping[str, tuple[Probe, float | None]]) -> dict[str, ProbeResult]:
     """Listen at all ports at the same time, by the program that listens on site."""
     questions = [(name, listening(*probe)) for name, probe in probes.items()]
     answers = asyncio.run(ask_here(questions, lambda _key, _answer: None))
@@ -38,7 +38,7 @@ def judged(probes: Mapping[str, tuple[Probe, float | None]]) -> dict[str, Judged
     }
 
 
-def codes(found: Judged) -> list[str]:
+def codes(found: ProbeResult) -> list[str]:
     return [f"{one.verdict} {one.code}" for one in found.findings]
 
 
@@ -83,7 +83,7 @@ def test_pymavlinks_own_stream_is_understood(sender: int) -> None:
     wanted = replace(WANTED, port=sender)
     probes: dict[str, tuple[Probe, float | None]] = {
         "heard": (RcHeard(wanted, Place.LAPTOP), None),
-        "sticks": (SticksMoved(wanted, Place.LAPTOP), 0.6),
+        "sticks": (StickMovementProbe(wanted, Place.LAPTOP), 0.6),
     }
     found = judged(probes)
     assert {name: codes(one) for name, one in found.items()} == {"heard": ["PASS rc-heard"], "sticks": ["PASS moved"]}
@@ -93,7 +93,7 @@ def test_pymavlinks_own_stream_is_understood(sender: int) -> None:
 @pytest.mark.parametrize("version", [1, 2])
 @pytest.mark.usefixtures("environment")
 def test_pymavlinks_own_receiver_reads_the_twin(version: int) -> None:
-    with RunningAutopilot(AutopilotSpec(version=version, rssi=77, armed=True, every_s=0.02)) as twin:
+    with RunningAutopilot(AutopilotSpec(version=version, rssi=77, is_armed=True, every_s=0.02)) as twin:
         link: Any = mavutil.mavlink_connection(f"udpin:127.0.0.1:{twin.port}", dialect="common")
         with closing(link):
             beat = link.recv_match(type="HEARTBEAT", blocking=True)
@@ -113,7 +113,7 @@ CASES: dict[str, tuple[AutopilotSpec, str, list[str]]] = {
     "healthy": (AutopilotSpec(), "heard", ["PASS rc-heard"]),
     "MAVLink 1": (AutopilotSpec(version=1), "heard", ["PASS rc-heard"]),
     "cut over datagrams": (AutopilotSpec(split=True), "heard", ["PASS rc-heard"]),
-    "armed": (AutopilotSpec(armed=True), "heard", ["FAIL armed"]),
+    "armed": (AutopilotSpec(is_armed=True), "heard", ["FAIL armed"]),
     "other system": (AutopilotSpec(system_id=9), "heard", ["FAIL other-system"]),
     "beside others": (AutopilotSpec(ground_station=True, other_system=5), "heard", ["PASS rc-heard"]),
     "no heartbeat": (AutopilotSpec(heartbeat=False), "heard", ["FAIL no-heartbeat"]),
@@ -126,7 +126,7 @@ CASES: dict[str, tuple[AutopilotSpec, str, list[str]]] = {
     "no status": (AutopilotSpec(status=False), "heard", ["WARN no-sys-status"]),
     "rssi unknown": (AutopilotSpec(rssi=255), "heard", ["WARN rssi-unknown"]),
     "rssi unsteady": (AutopilotSpec(rssi_swing=120), "heard", ["WARN rssi-unsteady"]),
-    "corrupted": (AutopilotSpec(corrupted=3), "heard", ["WARN damaged"]),
+    "corrupted": (AutopilotSpec(corruption_interval=3), "heard", ["WARN damaged"]),
     "garbage": (AutopilotSpec(garbage=True), "heard", ["FAIL not-mavlink"]),
     "silent": (AutopilotSpec(silent=True), "heard", ["INCONCLUSIVE silent"]),
     "sticks": (AutopilotSpec(), "sticks", ["PASS moved"]),
@@ -150,7 +150,7 @@ def test_every_mood_is_told_as_what_it_is() -> None:
         for name, (spec, step, _) in CASES.items():
             twin = stack.enter_context(RunningAutopilot(spec))
             wanted = replace(WANTED, port=twin.port)
-            probe = RcHeard(wanted, Place.LAPTOP) if step == "heard" else SticksMoved(wanted, Place.LAPTOP)
+            probe = RcHeard(wanted, Place.LAPTOP) if step == "heard" else StickMovementProbe(wanted, Place.LAPTOP)
             probes[name] = (probe, STOPS_S if name.endswith(("stop", "stops")) else SHORT_S)
             twins.append(twin)
         found = judged(probes)

@@ -30,7 +30,7 @@ from atlantis_netcfg.emulator.routeros import (
 from atlantis_netcfg.routeros import DeviceJob, DeviceResult, Endpoint, JobMode, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 from atlantis_netcfg.routeros.rsc import quote
-from atlantis_netcfg.runs import Journal, RunStarted, Store
+from atlantis_netcfg.runs import Journal, RunStart, Store
 
 T = TypeVar("T")
 PASSWORD = ENGINE_PASSWORD
@@ -168,13 +168,13 @@ class PairBench:
             "site": "quay",
             "address": router.spec.management.local,
             "endpoint": endpoint,
-            "desired": desired.read(text(self.family, self.mode(name), words)),
+            "desired_state": desired.read(text(self.family, self.mode(name), words)),
             "events": self.events.append,
         }
         return DeviceJob(**{**standard, **changes})
 
     def journal(self) -> Journal:
-        started = RunStarted(
+        started = RunStart(
             site="quay", revision="", tool="", hosts=("near", "far"), rehearsed=False, command="provision"
         )
         return self.store.start(started)

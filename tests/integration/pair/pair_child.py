@@ -15,9 +15,9 @@ from typing import Any
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros import DeviceJob, Endpoint, JobMode, Patience, desired
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-from atlantis_netcfg.runs import Journal, Record, RunResumed, RunStarted, Store
+from atlantis_netcfg.runs import Journal, Record, RunResume, RunStart, Store
 
-STARTED = RunStarted(
+STARTED = RunStart(
     site="quay", revision="", tool="", hosts=("near", "far"), rehearsed=False, command="provision site=quay"
 )
 
@@ -37,8 +37,8 @@ class Deadly(Journal):
 def journal(asked: Mapping[str, Any]) -> Journal:
     store = Store(Path(asked["state"]))
     if asked["mode"] == JobMode.RESUME:
-        (run,) = store.unfinished("quay")
-        return store.resume("quay", run.id, RunResumed(revision="", tool="", command="provision resume"))
+        (run,) = store.unfinished_runs("quay")
+        return store.resume("quay", run.id, RunResume(revision="", tool="", command="provision resume"))
     with store.start(STARTED) as started:
         deadly = Deadly(started.directory)
     deadly.left = asked.get("record", 0)
@@ -52,7 +52,7 @@ def job(name: str, asked: Mapping[str, Any], log: Journal) -> DeviceJob:
         site="quay",
         address=end["address"],
         endpoint=Endpoint(end["host"], end["port"], "provision", Secret(asked["password"]), end["pin"]),
-        desired=desired.read(end["text"]),
+        desired_state=desired.read(end["text"]),
         journal=log,
         patience=Patience(reach_s=20.0, undo_s=20.0, first_poll_s=0.05, last_poll_s=0.2),
     )

@@ -55,7 +55,7 @@ def test_changes(tmp_path: Path, family: str, near_mode: str, change: str) -> No
 def test_the_progress_of_an_end_that_is_done_is_whole(tmp_path: Path) -> None:
     async def act(bench: PairBench) -> list[tuple[str, int, int]]:
         await bench.converge(CHANGES["name"])
-        return [(event.device, event.done, event.total) for event in bench.events if event.stage == "confirmed"]
+        return [(event.device, event.done_count, event.total) for event in bench.events if event.stage == "confirmed"]
 
     ended = on(PairBench(tmp_path), act)
     assert {device for device, _, _ in ended} == {"near", "far"}
@@ -79,7 +79,7 @@ def test_a_result_tells_every_session_with_its_end(tmp_path: Path, change: str) 
                 host, port = proxies[-1].address
                 desired = read(text(bench.family, bench.mode(name), words) + IDENTITY[change])
                 endpoint = replace(job.endpoint, host=host, port=port)
-                jobs.append(replace(job, endpoint=endpoint, desired=desired))
+                jobs.append(replace(job, endpoint=endpoint, desired_state=desired))
             near, far = jobs
             results = await converge_pair(Pair(near, far, link_timeout_s=LINK_TIMEOUT_S))
             counts = [proxy.count for proxy in proxies]
@@ -88,8 +88,8 @@ def test_a_result_tells_every_session_with_its_end(tmp_path: Path, change: str) 
             assert result.status is status, result.message
             assert result.sessions == count.connections
             assert result.round_trips == pytest.approx(count.round_trips, rel=0.1)
-            assert result.sent == pytest.approx(count.sent, rel=0.1)
-            assert result.received == pytest.approx(count.received, rel=0.1)
+            assert result.sent_bytes == pytest.approx(count.sent, rel=0.1)
+            assert result.received_bytes == pytest.approx(count.received, rel=0.1)
 
     on(PairBench(tmp_path), act)
 

@@ -22,8 +22,8 @@ def test_a_pair_gives_two_results_in_the_order_of_the_jobs(tmp_path: Path) -> No
         told: list[str] = []
         pair = Pair(bench.job("near", NEW), bench.job("far", NEW))
         single = replace(bench.job("near", bench.words), name="single")
-        first = await fleet.run([pair], done=lambda result: told.append(result.name))
-        second = await fleet.run([single, pair], mode="plan", done=lambda result: told.append(result.name))
+        first = await fleet.run([pair], on_result=lambda result: told.append(result.name))
+        second = await fleet.run([single, pair], mode="plan", on_result=lambda result: told.append(result.name))
         return first, told, second
 
     first, told, second = on(PairBench(tmp_path), act)
@@ -134,7 +134,7 @@ def stopped_at(folder: Path, words: Words, nth: int) -> int:
         with bench.journal() as journal:
             stop = Stop(journal, nth)
             near, far = (
-                bench.job(name, words, desired=wish, journal=stop, connect=stop.connect)
+                bench.job(name, words, desired_state=wish, journal=stop, connect=stop.connect)
                 for name, wish in wishes.items()
             )
             stop.running = asyncio.create_task(fleet.run([Pair(near, far)]))

@@ -89,7 +89,7 @@ def kill_and_resume(folder: Path, record: int) -> bool:
         assert killed.returncode == -signal.SIGKILL, killed.stderr
         after = wanted(before)
         quay.alike((before, after))
-        unsettled = Store(folder / "state").runs("quay")[-1].unsettled
+        unsettled = Store(folder / "state").runs("quay")[-1].unsettled_devices
         if unsettled:
             resumed = quay.run("resume")
             assert resumed.returncode == 0, resumed.stderr

@@ -14,7 +14,7 @@ from atlantis_netcfg.emulator.routeros import Air
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply import Patience
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
-from atlantis_netcfg.runs import Journal, Record, Released
+from atlantis_netcfg.runs import Journal, Record, ReleaseRecord
 
 NEW = Words(ssid="new name", key="a new key for both ends")
 LATER_S = 1200.0
@@ -50,7 +50,7 @@ class AtRecord:
 
 def kept(name: str) -> Callable[[Record], bool]:
     """Die when this end was released."""
-    return lambda record: isinstance(record, Released) and record.device == name
+    return lambda record: isinstance(record, ReleaseRecord) and record.device == name
 
 
 async def killed(bench: PairBench, dies: Callable[[Record], bool]) -> bool:
@@ -148,7 +148,7 @@ def test_a_plan_and_drift_tell_a_job_that_is_armed(tmp_path: Path) -> None:
     assert [each.exit for each in drift] == [ExitCode.DONE, ExitCode.CHECKS_FAILED], told(drift)
     comparison = drift[1].comparison
     assert comparison is not None
-    (difference,) = comparison.drifted
+    (difference,) = comparison.drift
     assert (difference.menu, difference.subject, difference.kind) == ("/system scheduler", "atlantis-pair", "open")
     assert difference.menu in comparison.menus
 

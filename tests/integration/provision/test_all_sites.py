@@ -34,7 +34,7 @@ def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(
     """Rehearsals are locked here as real runs are."""
     monkeypatch.setattr(Store, "lock", lambda self, site, command: SiteLock(self.root / site / "lock", site, command))
     declaration = load(INVENTORY)
-    store = Store(tmp_path / "state", rehearsed=True)
+    store = Store(tmp_path / "state", is_rehearsal=True)
     with rehearsal(declaration, [declaration.hosts[name] for name in ROUTERS], via="lan") as twins:
         with store.lock("coastal", "somebody else's provision"):
             first, told = run(tmp_path / "state", twins)
@@ -49,7 +49,7 @@ def test_a_site_that_is_held_fails_alone_and_each_result_is_told_as_it_comes(
     assert list(told[ends[0]]["devices"]) == ["coastal-router"]
     assert any("event" in line for line in told[ends[0] :])
     assert [len(store.runs(site)) for site in ("coastal", "scc", "te4sea")] == [2, 3, 3]
-    assert store.unfinished("scc") == ()
+    assert store.unfinished_runs("scc") == ()
 
 
 @pytest.mark.slow

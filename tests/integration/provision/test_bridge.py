@@ -18,7 +18,7 @@ from atlantis_netcfg.operations.apply import perform
 from atlantis_netcfg.operations.common.rehearsal import Rehearsal, rehearsal, site_spec
 from atlantis_netcfg.operations.common.request import Target
 from atlantis_netcfg.routeros.rsc import parse
-from atlantis_netcfg.runs import RunResumed, SiteLock, Store
+from atlantis_netcfg.runs import RunResume, SiteLock, Store
 
 CHECKOUT = Path(__file__).resolve().parents[3]
 ENDS = ("coastal-cpe", "scc-cpe")
@@ -115,7 +115,7 @@ def test_both_ends_are_set_up_as_one_and_a_second_run_finds_nothing(tmp_path: Pa
 @pytest.mark.slow
 def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> None:
     root = inventory(tmp_path, {})
-    store = Store(tmp_path / "state", rehearsed=True)
+    store = Store(tmp_path / "state", is_rehearsal=True)
     with both(root, "scc", "scc-cpe") as twins:
         planned = ask(root, tmp_path / "state", twins, "scc-cpe", mode="plan")
         assert statuses(planned) == dict.fromkeys(ENDS, "planned"), said(planned)
@@ -125,7 +125,7 @@ def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> Non
         assert statuses(first) == dict.fromkeys(ENDS, "changed"), said(first)
         (here,), (there,) = store.runs("scc"), store.runs("coastal")
         assert here.id == there.id
-        assert (here.started, there.started) != (None, None)
+        assert (here.start_record, there.start_record) != (None, None)
         assert here.before("scc-cpe") is not None
         assert there.before("coastal-cpe") is not None
         drift = ask(root, tmp_path / "state", twins, "scc-cpe", mode="drift")
@@ -135,7 +135,7 @@ def test_the_run_is_recorded_at_both_sites_under_one_name(tmp_path: Path) -> Non
         again = ask(root, tmp_path / "state", twins, "scc-cpe", mode="resume", run=here.id)
         assert statuses(again) == dict.fromkeys(ENDS, "unchanged"), said(again)
         resumed = [store.run(site, here.id).log.records for site in ("scc", "coastal")]
-        assert all(any(isinstance(one, RunResumed) for one in records) for records in resumed)
+        assert all(any(isinstance(one, RunResume) for one in records) for records in resumed)
         saved = ask(root, tmp_path / "state", twins, "scc-cpe", mode="backup")
         assert {result["exit"] for result in saved.values()} == {0}, said(saved)
 
@@ -150,7 +150,7 @@ def test_a_run_is_taken_back_at_both_ends(tmp_path: Path) -> None:
         changed = ask(root, state, twins, "coastal-cpe")
         assert statuses(changed) == dict.fromkeys(ENDS, "changed"), said(changed)
         assert all("5520" in twins.export(name) for name in ENDS)
-        run = Store(state, rehearsed=True).runs("coastal")[-1].id
+        run = Store(state, is_rehearsal=True).runs("coastal")[-1].id
         back = ask(root, state, twins, "coastal-cpe", back_to=run)
         assert statuses(back) == dict.fromkeys(ENDS, "changed"), said(back)
         assert [_rows(twins.export(name)) for name in ENDS] == [_rows(before[name]) for name in ENDS]
@@ -167,7 +167,7 @@ def test_somebody_at_the_other_site_stops_the_bridge_only(tmp_path: Path, monkey
     root, state = inventory(tmp_path, {}), tmp_path / "state"
     with (
         both(root, "coastal", "coastal-router", "coastal-cpe") as twins,
-        Store(state, rehearsed=True).lock("scc", "a colleague"),
+        Store(state, is_rehearsal=True).lock("scc", "a colleague"),
     ):
         results = ask(root, state, twins, "coastal-router", "coastal-cpe")
     assert statuses(results) == {
@@ -278,7 +278,7 @@ def test_ansible_alone_takes_both_ends_where_one_is_limited_to(tmp_path: Path) -
     assert "coastal-cpe : ok=2 changed=1" in counts[0], counts[0]
     assert "; scc-cpe: " in counts[0], "the other end is told of, too"
     assert "coastal-cpe : ok=2 changed=0" in counts[1], counts[1]
-    store = Store(state, rehearsed=True)
+    store = Store(state, is_rehearsal=True)
     assert [len(store.runs(site)) for site in ("coastal", "scc")] == [2, 2]
 
 

@@ -8,13 +8,13 @@ import pytest
 from quay import ROUTER, Quay, fresh_quay
 
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
-from atlantis_netcfg.runs import CostCounted, Store
+from atlantis_netcfg.runs import CostRecord, Store
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 
 HERE = ("site=coastal", f"only={ROUTER}")
 DEAR = (*HERE, "via=satellite")
-SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352_000, 704_000, is_metered=True)
 at = pytest.fixture(fresh_quay)
 
 
@@ -22,9 +22,9 @@ def connections(at: Quay) -> int:
     return int(at.do("counters")["connections"])
 
 
-def records(at: Quay) -> list[CostCounted]:
+def records(at: Quay) -> list[CostRecord]:
     runs = Store(at.state).runs("coastal")
-    return [record for run in runs for record in run.log.records if isinstance(record, CostCounted)]
+    return [record for run in runs for record in run.log.records if isinstance(record, CostRecord)]
 
 
 def test_nobody_pays_by_saying_yes_to_changes(at: Quay) -> None:

@@ -16,7 +16,7 @@ from quay import CHECKOUT, _inventory, _namespace
 from test_adopt_run import led
 
 from atlantis_netcfg.emulator.rutos import RunningRutos, RutosSim, RutosSpec
-from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs import RunStart, Store
 
 pytestmark = pytest.mark.slow
 
@@ -77,7 +77,7 @@ def at(tmp_path: Path) -> Iterator[tuple[Path, RunningRutos]]:
         reader="provision",
         reader_password="a-real-4g-te4sea",
         admin_password="a-real-4g-admin-te4sea",
-        sim=RutosSim(apn="internet", listed=False),
+        sim=RutosSim(apn="internet", is_listed=False),
     )
     with ExitStack() as stack:
         stack.enter_context(_namespace())
@@ -125,13 +125,13 @@ def test_a_unit_at_its_address_is_met_set_and_left_alone(at: tuple[Path, Running
     runs = Store(state).runs("te4sea")
     assert [run.exit for run in runs] == [4, 4, 0, 0]
 
-    killed = RunStarted(site="te4sea", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
+    killed = RunStart(site="te4sea", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
     with Store(state).start(killed):
         pass
-    assert len(Store(state).unfinished("te4sea")) == 1
+    assert len(Store(state).unfinished_runs("te4sea")) == 1
     resumed = json.loads(provision(inventory, state, "resume", "site=te4sea", "--accept-cost", "--json", code=0))
     assert resumed["devices"][NAME]["status"] == "unchanged"
-    assert Store(state).unfinished("te4sea") == ()
+    assert Store(state).unfinished_runs("te4sea") == ()
     assert "a-real" not in "".join(path.read_text() for path in state.rglob("*") if path.is_file())
 
 

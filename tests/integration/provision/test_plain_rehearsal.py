@@ -36,7 +36,7 @@ def test_the_shipped_example_is_rehearsed(tmp_path: Path) -> None:
     done = play(tmp_path, "--limit", "coastal-router,coastal-4g", "-e", "atlantis_rehearse=true")
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("changed=1") == 2
-    assert Store(tmp_path, rehearsed=True).sites() == ("coastal",)
+    assert Store(tmp_path, is_rehearsal=True).sites() == ("coastal",)
     assert Store(tmp_path).sites() == (), "nothing real has run"
 
 

@@ -12,7 +12,7 @@ from test_real_run import await_record, kill_workers
 from waiting import wait_until
 
 from atlantis_netcfg.runs import Store
-from atlantis_netcfg.runs.records import RunEnded
+from atlantis_netcfg.runs.records import RunEnd
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 at = pytest.fixture(fresh_quay)
@@ -75,11 +75,11 @@ def test_a_rehearsal_finds_a_rollback_that_the_device_would_refuse(at: Quay) -> 
     store = Store(at.state)
     (run,) = store.runs("coastal")
     before = run.before(ROUTER)
-    assert run.started is not None
+    assert run.start_record is not None
     assert before is not None
-    with store.start(run.started) as journal:
+    with store.start(run.start_record) as journal:
         journal.save(ROUTER, f"{before.text()}/ip address\nadd address=10.9.9.1/24 interface=ether99\n")
-        journal.write(RunEnded(exit=0))
+        journal.write(RunEnd(exit=0))
     left = untouched(at)
     told = at.json("rollback", "site=coastal", "to=latest", "--rehearse", code=4)
     assert "ether99" in told["devices"][ROUTER]["message"]

@@ -11,7 +11,7 @@ import pytest
 from quay import PROVISION
 
 from atlantis_netcfg.emulator.routeros import NOT_REHEARSED
-from atlantis_netcfg.routeros.assumptions import unconfirmed
+from atlantis_netcfg.routeros.assumptions import summarize_assumptions
 from atlantis_netcfg.runs import SiteLock
 
 ROUTERS = {"scc": "scc-router", "coastal": "coastal-router", "te4sea": "te4sea-router"}
@@ -50,7 +50,7 @@ def test_a_site_converges_and_the_second_pass_finds_nothing(site: str, tmp_path:
     assert list(router["bearers"]) == BEARERS[site]
     assert all(again["round_trips"] == 5 for again in router["bearers"].values())
     assert router["round_trips"] <= 22
-    assert router["not_rehearsed"][: len(NOT_REHEARSED) + 1] == [*NOT_REHEARSED, unconfirmed()]
+    assert router["not_rehearsed"][: len(NOT_REHEARSED) + 1] == [*NOT_REHEARSED, summarize_assumptions()]
     others = {name: told for name, told in told["devices"].items() if name != ROUTERS[site]}
     assert others
     assert {told["status"] for told in others.values()} <= {"not rehearsed", "changed", "declared"}

@@ -10,7 +10,7 @@ import preforked
 import pytest
 
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 
 CHECKOUT = Path(__file__).parents[3]
 SWITCH = """\
@@ -100,7 +100,9 @@ def provision(state: Path, *typed: str, code: int) -> str:
 
 def test_the_declaration_holds_and_the_engine_handles_them(inventory: Path) -> None:
     declaration = load(inventory)
-    assert [name for name, host in declaration.hosts.items() if host.device.kind == "switch" and handled(host)] == [
+    assert [
+        name for name, host in declaration.hosts.items() if host.device.kind == "switch" and is_supported(host)
+    ] == [
         "coastal-switch",
         "coastal-buoy",
     ]

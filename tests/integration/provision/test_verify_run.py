@@ -36,7 +36,7 @@ def test_a_rutos_unit_is_read_and_its_values_stay_with_it(
     text = capsys.readouterr().out
     told = json.loads(text)
     verdicts = {row["id"]: row["verdict"] for row in told["assumptions"]}
-    assert verdicts == {each.id: "PASS" if each.shown == READS else "SKIP" for each in rutos.ASSUMPTIONS}
+    assert verdicts == {each.id: "PASS" if each.proof == READS else "SKIP" for each in rutos.ASSUMPTIONS}
     assert (told["round_trips"], told["tried"], told["file"]) == (5, False, None)
     assert "100.64." not in text
     assert main(["verify", "device=te4sea-4g", "--rehearse"]) == 0

@@ -70,7 +70,7 @@ class _FarRelay(UdpRelay):
         seen, since = -1, time.monotonic()
         while time.monotonic() - since < _QUIET_S:
             time.sleep(0.01)
-            now = self.up.sent + self.down.sent + len(self._due)
+            now = self.up.sent_count + self.down.sent_count + len(self._due)
             if now != seen or self._due:
                 seen, since = now, time.monotonic()
 
@@ -101,7 +101,7 @@ def far_end() -> None:
                     _say(relay.address[1])
                     sys.stdin.readline()
                     relay.wait_until_quiet()
-                    lost = sum(way.lost + way.dropped for way in (relay.up, relay.down))
+                    lost = sum(way.loss_count + way.drop_count for way in (relay.up, relay.down))
                     _say(relay.down.copies, lost)
             process.terminate()
 

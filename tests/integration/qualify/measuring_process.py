@@ -22,7 +22,7 @@ from atlantis_netcfg.links.qualify.record import make_record
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
 from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import build_plan
 
 KEY = b"an example key, 32 octets long.."
 INVENTORY = Path(__file__).parents[3] / "inventory"
@@ -33,7 +33,7 @@ def main(port: int, rate_bps: int) -> None:
     """Send the round trips without load in peace, then the load each way."""
     bearer = next(each for each in load(INVENTORY).sites["coastal"].bearers if each.name == "4g")
     rate = bearer.rate.model_copy(update={"up_kbps": rate_bps // 1000, "down_kbps": rate_bps // 1000})
-    plan = planned(bearer.model_copy(update={"rate": rate}), Selection.THROUGHPUT)
+    plan = build_plan(bearer.model_copy(update={"rate": rate}), Selection.THROUGHPUT)
     assert plan.load is not None
     assert plan.load_down is not None
     plan = replace(

@@ -25,7 +25,7 @@ from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan, MessageStream
 from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.links.qualify.reflector.stamp import chunk_room
-from atlantis_netcfg.links.qualify.samples import PacketSent, ReflectorCounted, ReplyReceived, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.samples import CounterSample, PacketSent, ReplySample, StreamEnd, TrainBegan
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.links.qualify.transport import UdpTransport
@@ -50,7 +50,7 @@ LOAD_DOWN = LinkShape(rate_bps=704_000, delay_s=0.05, queue_bytes=16_000)
 OFFERED_BPS = {"up": 1.15 * 352_000, "down": 1.15 * 704_000}
 SECONDS = 5
 CHUNKS = 10
-ROOM = chunk_room(DEFAULT_PACKET, authenticated=True)
+ROOM = chunk_room(DEFAULT_PACKET, is_authenticated=True)
 MESSAGE = CHUNKS * ROOM
 pytestmark = [
     pytest.mark.slow,
@@ -277,8 +277,8 @@ def _samples_of_irtt(written: dict[str, Any]) -> list[Sample]:
         if trip["lost"] == "false":
             at = client["receive"]["monotonic"] - origin
             received, replied = server["receive"]["wall"], server["send"]["wall"]
-            samples.append(ReplyReceived("irtt", trip["seqno"], at, numbers, received, replied, 172, 64, 1))
+            samples.append(ReplySample("irtt", trip["seqno"], at, numbers, received, replied, 172, 64, 1))
             numbers += 1
-    samples.append(ReflectorCounted("irtt", written["stats"]["server_packets_received"], 0, 0, numbers))
-    samples.append(StreamEnded("irtt", 60_000_000_000, "done"))
+    samples.append(CounterSample("irtt", written["stats"]["server_packets_received"], 0, 0, numbers))
+    samples.append(StreamEnd("irtt", 60_000_000_000, "done"))
     return samples

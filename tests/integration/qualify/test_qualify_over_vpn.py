@@ -173,7 +173,7 @@ def measured(
     """Measure the link that does not carry the traffic, from within the laptop."""
     router = LinuxRouter(made, leads)
     monkeypatch.setattr(run, "device_job", lambda *_arguments: SimpleNamespace(endpoint=None))
-    monkeypatch.setattr(run, "planned", partial(_hurried, plan.planned))
+    monkeypatch.setattr(run, "build_plan", partial(_hurried, plan.build_plan))
     monkeypatch.setattr(run, "Session", SimpleNamespace(open=_opened(router)))
     bearer = next(each for each in made.declaration.sites["coastal"].bearers if each.name == "4g")
     limits = BudgetLimits(max_bytes=max_bytes)
@@ -185,7 +185,7 @@ def measured(
 
 
 def _hurried(planned: Callable[..., plan.QualifyPlan], *arguments: Any, **named: Any) -> plan.QualifyPlan:  # noqa: ANN401
-    return replace(planned(*arguments, **{**named, "rehearsed": True}), cells=(), sizes=())
+    return replace(planned(*arguments, **{**named, "is_rehearsal": True}), cells=(), sizes=())
 
 
 def _opened(router: LinuxRouter) -> Callable[[object], Any]:

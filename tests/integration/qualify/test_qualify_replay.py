@@ -24,7 +24,7 @@ from atlantis_netcfg.links.qualify.measured_run import (
 from atlantis_netcfg.links.qualify.samples import SampleWriter, read
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transport import UdpTransport
-from atlantis_netcfg.operations.common.link_shapes import open_replay, replayed
+from atlantis_netcfg.operations.common.link_shapes import build_shapes, open_replay
 
 _PLAN = TrainPlan(172, 0.02, 4, timeout_s=1.5)
 _SHARE = 0.05
@@ -66,7 +66,7 @@ def test_a_replay_through_real_sockets_agrees_with_its_recording(tmp_path: Path)
         with reflector(folder / "far") as (_, port):
             recorded = _measure(port, truth, kept / SAMPLES_FILE, seed=3)
             profile = open_replay("satellite-1", [folder], ["coastal"]).profile
-            again = _measure(port, replayed(profile, 352_000, 704_000), folder / "again.jsonl", seed=8)
+            again = _measure(port, build_shapes(profile, 352_000, 704_000), folder / "again.jsonl", seed=8)
         assert [(gap.up, gap.down) for gap in profile.gaps] == [(True, True)]
         assert recorded.rtt is not None
         assert again.rtt is not None

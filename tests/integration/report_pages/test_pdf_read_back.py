@@ -13,7 +13,7 @@ from pages_example import SHORT, documents, hostile, made
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.report._pdf import pdf
 from atlantis_netcfg.checklist.report._pdf._sheet import printable
-from atlantis_netcfg.checklist.report._texts import uncoded
+from atlantis_netcfg.checklist.report._texts import strip_code
 
 
 def read(document: Document, files: Mapping[str, bytes]) -> list[str]:
@@ -24,7 +24,7 @@ def read(document: Document, files: Mapping[str, bytes]) -> list[str]:
 
 
 def plain(text: str) -> str:
-    return "".join(uncoded(printable(text)).split())
+    return "".join(strip_code(printable(text)).split())
 
 
 def holds(document: Document, files: Mapping[str, bytes]) -> list[str]:

@@ -23,7 +23,7 @@ from atlantis_netcfg.inventory.robots.reading import RobotSource, read_declared,
 from atlantis_netcfg.robots import mock
 from atlantis_netcfg.robots.message_types import MessageTypes
 from atlantis_netcfg.robots.network import Publisher, RobotListener, domain, profile
-from atlantis_netcfg.robots.observation import Observation, judge
+from atlantis_netcfg.robots.observation import RobotObservation, judge
 
 DOMAIN = 9
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -135,7 +135,7 @@ def robot(name: str, text: str) -> mock.MockRobot:
     return liar
 
 
-def items(observation: Observation, declared: Sequence[RobotSource], name: str) -> dict[str, str]:
+def items(observation: RobotObservation, declared: Sequence[RobotSource], name: str) -> dict[str, str]:
     """The probed items of a robot's integration record that do not pass; the VPN has a session of all but one."""
     shipped, sources = load(SHIPPED), {each.vehicle: each for each in declared if each.vehicle is not None}
     vehicles = dict.fromkeys(sources, shipped.vehicles["sparus"])
@@ -146,7 +146,10 @@ def items(observation: Observation, declared: Sequence[RobotSource], name: str) 
         "members": VpnMembersResult(
             None,
             "",
-            tuple(VpnMember(each, each, admitted=True, session="" if each == "outside" else "x") for each in sources),
+            tuple(
+                VpnMember(each, each, has_certificate=True, session="" if each == "outside" else "x")
+                for each in sources
+            ),
         ),
     }
     judged = {step.name: step.probe.judge(answers).verdict.value for step in integration.steps(cell) if step.probe}

@@ -14,9 +14,9 @@ from atlantis_netcfg.emulator.routeros import Device, ManagementSpec, RouterSpec
 from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
 from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.routeros import guard
-from atlantis_netcfg.routeros._types import Action, Facts, Observed, Plan, Row
+from atlantis_netcfg.routeros._types import Action, Facts, Observation, Plan, Row
 from atlantis_netcfg.routeros.commands import console, sentence
-from atlantis_netcfg.routeros.desired import Desired, from_export, read
+from atlantis_netcfg.routeros.desired import DesiredState, from_export, read
 from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.observe import printing
@@ -61,7 +61,7 @@ class Bench:
             dict(word[1:].partition("=")[::2] for word in answer.words) for answer in answers if answer.kind == "!re"
         )
 
-    def observe(self) -> Observed:
+    def observe(self) -> Observation:
         facts = Facts(
             identity="router",
             version=Version.parse(self.version),
@@ -75,9 +75,9 @@ class Bench:
             session_address=self.management.technician,
             history=0,
         )
-        return Observed(facts, {path: self.rows(path) for path in MENUS})
+        return Observation(facts, {path: self.rows(path) for path in MENUS})
 
-    def plan(self, desired: Desired) -> Plan:
+    def plan(self, desired: DesiredState) -> Plan:
         return plan("router", desired, self.observe())
 
     def send(self, action: Action) -> list[str]:
@@ -168,7 +168,7 @@ def test_moves_and_replacements_end_as_the_text_has_it() -> None:
     for desired in (second, first, second):
         planned = bench.plan(desired)
         assert bench.script(planned).split() == " ".join(f"ok {each.number}" for each in planned.actions).split()
-        wanted = [item.given["comment"] for item in desired.items["/ip/firewall/filter"]]
+        wanted = [item.defined_values["comment"] for item in desired.items["/ip/firewall/filter"]]
         assert [row["comment"] for row in bench.rows("/ip/firewall/filter") if "comment" in row] == wanted
         assert bench.plan(desired).actions == ()
 

@@ -42,9 +42,9 @@ from atlantis_netcfg.links.qualify.grids import (
 )
 from atlantis_netcfg.links.qualify.profile import read_profile
 from atlantis_netcfg.links.qualify.responses import answered_packets
-from atlantis_netcfg.links.qualify.samples import PacketSent, ReplyReceived, Sample, read
+from atlantis_netcfg.links.qualify.samples import PacketSent, ReplySample, Sample, read
 from atlantis_netcfg.links.qualify.transfers import message_figures
-from atlantis_netcfg.operations.common.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import build_shapes
 
 ROOT = Path(__file__).parents[3]
 PROGRAMS = Path(__file__).with_name("programs")
@@ -223,7 +223,7 @@ def _round_trips(samples: Sequence[Sample]) -> tuple[float, ...]:
     idle = [sample for sample in samples if sample.stream == "idle"]
     pairs = answered_packets(
         [sample for sample in idle if isinstance(sample, PacketSent)],
-        [sample for sample in idle if isinstance(sample, ReplyReceived)],
+        [sample for sample in idle if isinstance(sample, ReplySample)],
     )
     return tuple(pair.rtt / 1e9 for pair in pairs)
 
@@ -239,7 +239,7 @@ def main() -> None:
     shapes, link = CERTUS, ""
     if chosen.profile is not None:
         profile = read_profile(Path(chosen.profile))
-        shapes, link = replayed(profile, CERTUS[0].rate_bps, CERTUS[1].rate_bps), profile.run
+        shapes, link = build_shapes(profile, CERTUS[0].rate_bps, CERTUS[1].rate_bps), profile.run
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         done = campaign(

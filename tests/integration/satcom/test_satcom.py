@@ -16,7 +16,7 @@ from satcom_page import page
 from atlantis_netcfg.computers.dds import TUNING
 from atlantis_netcfg.inventory.model import Pace
 from atlantis_netcfg.links.qualify.profile import DirectionProfile, LinkProfile
-from atlantis_netcfg.operations.common.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import build_shapes
 
 pytestmark = [pytest.mark.slow, pytest.mark.namespace]
 _ANNOUNCE_S = 2
@@ -65,7 +65,7 @@ def test_the_vpn_and_dds_over_a_replayed_run(tmp_path: Path) -> None:
         packet_octets=200, packets=50, split="", up=way, down=way, gaps=(),
     )  # fmt: skip
     grid = cells(5.0, shortened=True)
-    done = campaign(tmp_path, grid, cell_s=5.0, idle_s=20.0, shapes=replayed(profile, None, None), link=profile.run)
+    done = campaign(tmp_path, grid, cell_s=5.0, idle_s=20.0, shapes=build_shapes(profile, None, None), link=profile.run)
     assert done.idle.rtt is not None
     assert 0.4 <= done.idle.rtt.min < 0.45
     assert done.idle.rtt.p50 == pytest.approx(0.449, rel=0.05), "the medians of both ways"

@@ -35,9 +35,9 @@ def test_the_emulated_router_refuses_what_is_not_declared(tmp_path: Path) -> Non
     assert told["kept_off_packets"] == 3
     assert told["bytes_counted"] < told["budget_bytes"] == 20_000
     assert [finding["code"] for finding in told["findings"]] == ["terminal-not-looked-at"]
-    (prepared,) = Store(tmp_path, rehearsed=True).runs("coastal")
-    assert prepared.started is not None
-    assert prepared.started.prepares, "`rollback to=latest` passes it over"
+    (prepared,) = Store(tmp_path, is_rehearsal=True).runs("coastal")
+    assert prepared.start_record is not None
+    assert prepared.start_record.prepares, "`rollback to=latest` passes it over"
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_a_satellite_that_was_proved_is_put_in_use(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_proof_of_a_link_says_nothing_of_another_one_nor_of_a_real_one(tmp_path: Path) -> None:
     Store(tmp_path).keep_proof("coastal", "satellite")
-    Store(tmp_path, rehearsed=True).keep_proof("coastal", "4g")
+    Store(tmp_path, is_rehearsal=True).keep_proof("coastal", "4g")
     use = ("site=coastal", "link=satellite", "for=10m", "--rehearse")
     assert "whether satellite works is not proved" in provision(tmp_path, *use, code=4, command="use").stderr
 

@@ -78,7 +78,7 @@ def heard(folder: Path, target: Target | None, gps: str | None) -> tuple[GpsdSou
     """The source that a survey has, and what it says once it says something."""
     targets = {} if target is None else {GATEWAY: target}
     request = Request(state=folder, mode=Mode.DRIFT, rehearsed=True, targets=targets)
-    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(folder, rehearsed=True)
+    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(folder, is_rehearsal=True)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan(), radio_only=True, gps=gps)
     with ExitStack() as stack:
         survey = site.running(stack, lambda _sample: None, lambda _point: None)
@@ -107,7 +107,7 @@ def test_another_computer_in_its_place_is_told_nothing(tmp_path: Path) -> None:
         other = asyncssh.generate_private_key("ssh-ed25519").export_public_key().decode()
         (tmp_path / "known").write_text(f"{GATEWAY} {other}", encoding="ascii")
         source, _ = heard(tmp_path, target, "gateway")
-        assert twin.heard == []
+        assert twin.inputs == []
     assert "Host key verification failed" in source.trouble
 
 

@@ -28,7 +28,7 @@ def agreeing(voyage: Voyage, points: list[SurveyPoint]) -> int:
         truth = voyage.coverage.at(*voyage.track.at(point.at_s))
         told = (point.cell, point.rsrp_dbm, point.rsrq_db, point.sinr_db)
         air = (str(truth.cell_id), truth.rsrp_dbm, truth.rsrq_db, truth.sinr_db)
-        good += told == (air if truth.served else (None,) * 4)
+        good += told == (air if truth.has_service else (None,) * 4)
     return good
 
 

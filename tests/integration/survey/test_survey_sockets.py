@@ -75,7 +75,7 @@ def test_a_point_through_real_sockets(tmp_path: Path) -> None:
         targets = {UNIT.name: units[UNIT.name].target}
         request = Request(state=tmp_path, mode=Mode.DRIFT, rehearsed=True, targets=targets)
         link = surveyed_link(declaration, UNIT.site, None)
-        store, gps = Store(tmp_path, rehearsed=True), f"{twin.host}:{twin.port}"
+        store, gps = Store(tmp_path, is_rehearsal=True), f"{twin.host}:{twin.port}"
         site = SiteSurvey(declaration, link, UNIT, request, store, SurveyPlan(max_seconds=0.6), gps=gps)
         survey = site.running(stack, samples.append, points.append)
         while not isinstance(survey.positions.position(), TrackPosition):
@@ -102,7 +102,7 @@ def test_a_computer_without_a_way_to_the_far_end_says_so(tmp_path: Path, monkeyp
         raise OSError(errno.ENETUNREACH, "Network is unreachable")
 
     monkeypatch.setattr("atlantis_netcfg.records.survey.site.UdpTransport", unreachable)
-    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, rehearsed=True)
+    link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
     request = Request(state=tmp_path, mode=Mode.DRIFT)
     site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan())
     with ExitStack() as stack, pytest.raises(UsageError, match=r"no way to the far end .*: Network is unreachable"):
@@ -115,7 +115,7 @@ def test_a_point_where_a_person_says_where_it_is_and_nothing_is_sent(tmp_path: P
         units = stack.enter_context(emulated_units([UNIT], tmp_path))
         targets = {UNIT.name: units[UNIT.name].target}
         request = Request(state=tmp_path, mode=Mode.DRIFT, rehearsed=True, targets=targets)
-        link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, rehearsed=True)
+        link, store = surveyed_link(DECLARATION, UNIT.site, None), Store(tmp_path, is_rehearsal=True)
         site = SiteSurvey(DECLARATION, link, UNIT, request, store, SurveyPlan(), radio_only=True, clicks=True)
         survey = site.running(stack, lambda _sample: None, points.append)
         assert isinstance(survey.positions, TypedPositions)

@@ -39,7 +39,7 @@ def sailing(
         unit = units[UNIT.name]
         assert unit.tune is not None
         request = Request(state=folder, mode=Mode.DRIFT, rehearsed=True, targets={UNIT.name: unit.target})
-        radio = UnitRadio(DECLARATION, UNIT, request, Store(folder, rehearsed=True))
+        radio = UnitRadio(DECLARATION, UNIT, request, Store(folder, is_rehearsal=True))
         voyage = Voyage(out_and_back(*PORT), two_masts(*PORT), RATE, unit.tune, reports=reports)
         tester = LinkTester(plan, voyage.link, ReflectorPeer(KEY), lambda _sample: None)
         survey = RunningSurvey(plan, "4g", voyage, VoyageRadio(voyage, radio), tester, voyage.clock, points.append)

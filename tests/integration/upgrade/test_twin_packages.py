@@ -19,7 +19,7 @@ def rebooted(device: Device, *files: tuple[str, str, str]) -> Device:
     for number, (name, version, architecture) in enumerate(files, start=900):
         text = contents(name, version, architecture).decode(errors="surrogateescape")
         file = FlashFile(number, text, "2026-01-01 08:00:00")
-        flash["files"][f"{name}-{version}-{architecture}.npk"] = [file.number, file.contents, file.modified]
+        flash["files"][f"{name}-{version}-{architecture}.npk"] = [file.number, file.contents, file.modified_at]
     device.restore(flash)
     return device
 

@@ -11,16 +11,16 @@ from typing import Any
 import pytest
 from npk_files import write
 
-from atlantis_netcfg.core.errors import DeviceFailed, OutcomeUnknown
+from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User, WireBehaviour
 from atlantis_netcfg.operations import upgrade as upgrade_module
 from atlantis_netcfg.operations.upgrade import SeenPackages, Upgrading, WaitingUpgrade
 from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.apply import SshEndpoint
-from atlantis_netcfg.routeros.console.types import HostKeyChanged, UnknownHostKey
-from atlantis_netcfg.routeros.packages import UpgradeRefused, read_npk
-from atlantis_netcfg.runs import NoJournal, PackagesConfirmed, PackageSent, Rebooting, Record
+from atlantis_netcfg.routeros.console.types import HostKeyMismatch, UnknownHostKey
+from atlantis_netcfg.routeros.packages import UpgradeError, read_npk
+from atlantis_netcfg.runs import NoJournal, PackageConfirmation, PackageSent, Rebooting, Record
 
 PASSWORD = "example-password"
 
@@ -80,9 +80,9 @@ def test_a_device_is_upgraded_once(tmp_path: Path) -> None:
     with router(tmp_path) as (running, upgrading):
         before, journal = state(running), Records()
         back = run(upgrading, journal)
-        assert str(back.installed.version) == "7.21.5"
-        assert [package.name for package in back.installed.packages] == ["routeros"]
-        assert journal.kinds == [PackageSent, Rebooting, PackagesConfirmed]
+        assert str(back.software.version) == "7.21.5"
+        assert [package.name for package in back.software.packages] == ["routeros"]
+        assert journal.kinds == [PackageSent, Rebooting, PackageConfirmation]
         assert state(running) == before
         seen, again = asyncio.run(upgrading.look())
         assert again.send == ()
@@ -92,22 +92,22 @@ def test_a_device_is_upgraded_once(tmp_path: Path) -> None:
 def test_a_package_keeps_its_companions(tmp_path: Path) -> None:
     with router(tmp_path, packages=("routeros", "gps")) as (running, upgrading):
         before = running.do("router", "counters")
-        with pytest.raises(UpgradeRefused, match="gps is installed"):
+        with pytest.raises(UpgradeError, match="gps is installed"):
             asyncio.run(upgrading.look())
         assert running.do("router", "counters")["sentences"] > before["sentences"]
-        both = (*upgrading.given, read_npk(write(tmp_path, "gps", "7.21.5", "arm64")))
-        back = run(replace(upgrading, given=both))
-        assert {package.name for package in back.installed.packages} == {"routeros", "gps"}
+        both = (*upgrading.packages, read_npk(write(tmp_path, "gps", "7.21.5", "arm64")))
+        back = run(replace(upgrading, packages=both))
+        assert {package.name for package in back.software.packages} == {"routeros", "gps"}
 
 
 def test_a_device_that_was_never_met_is_sent_nothing(tmp_path: Path) -> None:
     with router(tmp_path) as (running, upgrading):
-        for key, refusal in ((None, UnknownHostKey), ("SHA256:" + "A" * 43, HostKeyChanged)):
+        for key, refusal in ((None, UnknownHostKey), ("SHA256:" + "A" * 43, HostKeyMismatch)):
             with pytest.raises(refusal):
                 run(replace(upgrading, ssh=replace(upgrading.ssh, pin=key)))
         seen, _ = asyncio.run(upgrading.look())
         assert not seen.files
-        assert str(seen.installed.version) == "7.18.2"
+        assert str(seen.software.version) == "7.18.2"
         assert running.do("router", "info")["host_key"] == upgrading.ssh.pin
 
 
@@ -119,20 +119,20 @@ def test_a_link_that_dies_while_sending_leaves_nothing_behind(tmp_path: Path, fa
         struck: list[int] = []
 
         def notify(event: Any) -> None:  # noqa: ANN401
-            if "now routeros" in event.message and event.done > 100 and not struck:
-                struck.append(event.done)
+            if "now routeros" in event.message and event.done_count > 100 and not struck:
+                struck.append(event.done_count)
                 running.do("router", fault, **({"seconds": 1.5} if fault == "gap" else {}))
 
         if fault == "gap":
             back = run(replace(upgrading, notify=notify))
-            assert str(back.installed.version) == "7.21.5", "a gap that the session outlives is only a wait"
+            assert str(back.software.version) == "7.21.5", "a gap that the session outlives is only a wait"
         else:
-            with pytest.raises(DeviceFailed, match="not copied whole"):
+            with pytest.raises(DeviceError, match="not copied whole"):
                 run(replace(upgrading, notify=notify))
             seen, upgrade = asyncio.run(upgrading.look())
             assert not seen.files, "what had arrived was taken away"
             assert upgrade.send
-            assert str(run(upgrading).installed.version) == "7.21.5", "the same command again succeeds"
+            assert str(run(upgrading).software.version) == "7.21.5", "the same command again succeeds"
         assert struck
         assert state(running) == before
 
@@ -141,7 +141,7 @@ class Killed(BaseException):
     """The end of our process, at a moment of the test's choice."""
 
 
-@pytest.mark.parametrize("moment", [PackageSent, Rebooting, PackagesConfirmed])
+@pytest.mark.parametrize("moment", [PackageSent, Rebooting, PackageConfirmation])
 def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
     def die(record: Record) -> None:
         if isinstance(record, moment):
@@ -152,11 +152,11 @@ def test_a_run_that_is_killed_is_repeated(tmp_path: Path, moment: type) -> None:
         with pytest.raises(Killed):
             run(upgrading, Records(die))
         _, upgrade = asyncio.run(upgrading.look())
-        if moment is PackagesConfirmed:
+        if moment is PackageConfirmation:
             assert upgrade.send == (), "it was done, and only not written down"
         else:
             running.do("router", "reset")
-            assert str(run(upgrading).installed.version) == "7.21.5"
+            assert str(run(upgrading).software.version) == "7.21.5"
             received = running.do("router", "counters")["wire_in"]
             assert received < upgrade.size, "the file that lay there whole was not sent again"
         assert state(running) == before
@@ -173,7 +173,7 @@ def test_a_device_that_does_not_come_back_is_unknown(tmp_path: Path) -> None:
         async def until_back() -> Any:  # noqa: ANN401
             return await upgrading._back(asyncio.get_running_loop().time())
 
-        assert str(asyncio.run(until_back()).installed.version) == "7.21.5"
+        assert str(asyncio.run(until_back()).software.version) == "7.21.5"
 
 
 def test_a_device_that_has_rebooted_before_its_session_ended_is_back(
@@ -189,19 +189,19 @@ def test_a_device_that_has_rebooted_before_its_session_ended_is_back(
     monkeypatch.setattr(upgrade_module, "_reboot", slow)
     monkeypatch.setattr(upgrade_module, "REBOOTED_WITHIN_S", 1.0)
     with router(tmp_path, boot_s=0.1) as (_running, upgrading):
-        assert str(run(upgrading).installed.version) == "7.21.5"
+        assert str(run(upgrading).software.version) == "7.21.5"
 
 
 def test_a_package_that_the_device_does_not_take_is_told_in_its_words(tmp_path: Path) -> None:
     with router(tmp_path) as (_running, upgrading):
-        (right,) = upgrading.given
+        (right,) = upgrading.packages
 
         async def forced() -> None:
             seen, upgrade = await upgrading.look()
             wrong = read_npk(write(tmp_path, "gps", "7.16", "arm64"))
             await upgrading.carry_out(seen, replace(upgrade, send=(wrong,)), NoJournal())
 
-        with pytest.raises(DeviceFailed, match=r"runs RouterOS 7\.18\.2.*can not install gps-7\.16"):
+        with pytest.raises(DeviceError, match=r"runs RouterOS 7\.18\.2.*can not install gps-7\.16"):
             asyncio.run(forced())
         assert right.name == "routeros"
 
@@ -210,7 +210,7 @@ def test_packages_of_somebody_else_stop_the_run(tmp_path: Path) -> None:
     with router(tmp_path) as (_running, upgrading):
         stranger = read_npk(write(tmp_path, "container", "7.18.2", "arm64"))
         upgrading._upload(stranger, 0, stranger.size)
-        with pytest.raises(DeviceFailed, match=r"container-7\.18\.2-arm64\.npk") as refused:
+        with pytest.raises(DeviceError, match=r"container-7\.18\.2-arm64\.npk") as refused:
             asyncio.run(upgrading.look())
         assert "next reboot would install" in str(refused.value)
         assert json.dumps(refused.value.hint)

@@ -10,7 +10,7 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.links.cost import CostRefusal
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of
@@ -42,7 +42,7 @@ def prepared(declaration: Declaration, tmp_path: Path, via: str, size: int) -> P
 
 def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Declaration, tmp_path: Path) -> None:
     path = write(tmp_path, "routeros", "7.21.5", "arm64")
-    with pytest.raises(CostRefused, match="nothing was sent: over satellite of coastal") as refused:
+    with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal") as refused:
         PreparedUpgrade.of(declaration, declaration.hosts[ROUTER], [path], request(tmp_path, "satellite"), ignore)
     assert refused.value.exit is ExitCode.FAILED
     assert not (tmp_path / "state").exists()
@@ -51,10 +51,10 @@ def test_the_device_is_not_even_looked_at_before_somebody_pays(declaration: Decl
 def test_files_beyond_the_cap_are_refused_whatever_anybody_accepts(declaration: Declaration, tmp_path: Path) -> None:
     beyond = prepared(declaration, tmp_path, "satellite", 6_000_000)
     accepted = request(tmp_path, "satellite", accept_cost=True)
-    with pytest.raises(CostRefused, match=r"no action may send more than 5\.0 MB there") as refused:
+    with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there") as refused:
         beyond.affordable(accepted)
     assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
-    with pytest.raises(CostRefused, match=r"no action may send more than 5\.0 MB there"):
+    with pytest.raises(CostRefusal, match=r"no action may send more than 5\.0 MB there"):
         beyond.carry_out(declaration, accepted)
     assert not (tmp_path / "state").exists()
     beyond.affordable(request(tmp_path, "satellite", rehearsed=True))
@@ -65,6 +65,6 @@ def test_files_below_the_cap_are_sent_when_somebody_pays(declaration: Declaratio
     dear = prepared(declaration, tmp_path, "satellite", 2_000_000)
     dear.affordable(request(tmp_path, "satellite"))
     assert dear.cost.bill.payload_bytes > 2_000_000 * 1.1
-    with pytest.raises(CostRefused, match="nobody has agreed to pay"):
+    with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
         dear.carry_out(declaration, request(tmp_path, "satellite"))
     assert not (tmp_path / "state").exists()

@@ -26,7 +26,7 @@ from matrix_stand import (
     Vpn,
 )
 
-from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, policy
+from atlantis_netcfg.vpn.policy import MEMBERS_SET, TABLE, Flow, Party, Policy, Protocol, policy
 
 GATEWAY, SERVER_LAN = "coastal-gateway", "10.64.0.10"
 LAPTOP, ZARCO, OTHER, SPARUS = "inesc-laptop", "inesc-zarco", "iqua-laptop", "iqua-sparus"
@@ -245,7 +245,7 @@ def cut(reach: Reach) -> None:
     """Whose address is taken out of the set of members reaches nobody, though his tunnel is up; all others go on."""
     membership = reach.made.authority.membership()
     without = replace(membership, members={name: one for name, one in membership.members.items() if name != ZARCO})
-    element = ("inet", TABLE, ADMITTED, f"{{ {reach.probes.ends[ZARCO]} }}")
+    element = ("inet", TABLE, MEMBERS_SET, f"{{ {reach.probes.ends[ZARCO]} }}")
     reach.made.run(SERVER, "nft", "delete", "element", *element)
     matrix(reach, policy(reach.made.declaration, without))
     reach.made.run(SERVER, "nft", "add", "element", *element)

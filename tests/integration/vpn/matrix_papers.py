@@ -22,7 +22,7 @@ def issued(declaration: Declaration, wishes: Sequence[EnrolmentRequest], folder:
     assert isinstance(server.device, VpnServer)
     names = ServerNames(server.name, (pilot.endpoint_name,), (pilot.endpoint, server.device.address))
     authority = Authority.init(folder / "authority", _PASSPHRASE, names, "test", sealed_by="vault")
-    with authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
+    with authority.unlock(lambda: _PASSPHRASE, "test") as signer:
         signer.issue(list(wishes), lambda identity: _deliver(declaration, folder, identity))
     return authority
 

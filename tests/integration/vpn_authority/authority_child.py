@@ -48,7 +48,7 @@ def run(work: Path, text: str, ca: pki.Ca | None = None) -> None:
     if command == "init":
         Authority.init(folder, PASSPHRASE, NAMES, "child", "vault")
     elif command == "seen":
-        Authority.open(folder).seen(dict.fromkeys(names, datetime.now(UTC)), "child")
+        Authority.open(folder).record_sessions(dict.fromkeys(names, datetime.now(UTC)), "child")
     else:
         ca = _ca(work) if ca is None else ca
         assert ca is not None

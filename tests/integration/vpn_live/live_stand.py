@@ -76,7 +76,7 @@ class Record:
 
     @contextmanager
     def signing(self) -> Iterator[Signer]:
-        with self.authority.unlocked(lambda: _PASSPHRASE, "test") as signer:
+        with self.authority.unlock(lambda: _PASSPHRASE, "test") as signer:
             yield signer
 
     def deliver(self, identity: Identity) -> HandoutFile:
@@ -145,7 +145,7 @@ class Server(Computer):
         stack.callback(self.stop)
         self.link = stack.enter_context(LocalLink(NAME, self.enter))
 
-    def push(self) -> live.Pushed:
+    def push(self) -> live.PushResult:
         return live.push(declaration(), self.record.authority, self.link)
 
     def revoke(self, *common_names: str) -> live.RevocationEvidence:
@@ -155,8 +155,8 @@ class Server(Computer):
         """As a command does it: recorded, done, settled."""
         names = self.record.revoke(name)
         evidence = self.revoke(*names)
-        if evidence.confirmed:
-            self.record.authority.settled(names)
+        if evidence.is_confirmed:
+            self.record.authority.confirm_revocations(names)
         return evidence
 
     def go_on(self) -> live.RevocationEvidence | None:

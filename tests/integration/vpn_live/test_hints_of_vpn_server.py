@@ -104,7 +104,7 @@ def not_dead(at: Laptop, _server: Server) -> str:
     """The server does not say that they are gone."""
     at.type(*LAPTOP)
     with at.monkeypatch.context() as patch:
-        patch.setattr(live.RevocationEvidence, "confirmed", property(lambda _: False))
+        patch.setattr(live.RevocationEvidence, "is_confirmed", property(lambda _: False))
         return at.type("vpn", "revoke", "name=iqua-laptop", "--yes", code=5)
 
 

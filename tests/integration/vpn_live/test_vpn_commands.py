@@ -29,7 +29,7 @@ pytestmark = pytest.mark.namespace
 
 _MEMBER, _GUEST = "iqua-sparus2", "udg-lauv"
 LAUV = ("name=lauv", "title=LAUV", "partner=udg", "kind=auv", "site=coastal", "cells=gps,wifi")
-READ = _common.declared
+READ = _common.load_declaration
 """Before anything stands in its place."""
 NAT = """\
 table ip nat {
@@ -127,7 +127,7 @@ def test_a_guest_comes_in_is_ended_and_refused_and_nothing_is_left(
 ) -> None:
     shutil.copytree(checkout() / "inventory", desk.folder / "inventory")
     before = desk.files()
-    monkeypatch.setattr(_common, "declared", READ)
+    monkeypatch.setattr(_common, "load_declaration", READ)
     day = datetime.now(UTC).date() + timedelta(days=20)
     typed(desk, "guest", "add", *LAUV, f"until={day}", SEALED[-1])
     (sealed,) = desk.authority.glob("handouts/*/*.age")

@@ -82,7 +82,7 @@ def test_who_is_connected_stays_and_who_is_revoked_is_out(tmp_path: Path, second
             assert int(lines[-1]) == seconds * RATE
             echo.goes()
             evidence = server.throw_out(revoked)
-            assert evidence.confirmed, evidence
+            assert evidence.is_confirmed, evidence
             assert echo.answers() == 0
             beside.goes()
         assert server.lives

@@ -18,9 +18,9 @@ from atlantis_netcfg.operations.computers import remote_session as link_module
 from atlantis_netcfg.operations.computers.remote_session import (
     FOLDER,
     AnswerLost,
-    HostKeyChanged,
+    HostKeyMismatch,
     ServerAway,
-    ServerRefused,
+    ServerRefusal,
     SshLink,
 )
 from atlantis_netcfg.operations.vpn.server_state import PLACE
@@ -60,7 +60,7 @@ def test_the_tool_is_sent_once_and_again_where_it_is_not_whole(computer: Compute
 
 def test_a_computer_that_is_no_server_says_so(computer: Computer) -> None:
     with LocalLink(NAME, computer.enter) as link:
-        with pytest.raises(ServerRefused, match="no server of the VPN was ever set up") as refused:
+        with pytest.raises(ServerRefusal, match="no server of the VPN was ever set up") as refused:
             link.ask("push", place=dict(PLACE), files=[], only=[])
         assert "provision site=" in str(refused.value.hint)
         with pytest.raises(AnswerLost, match="failed at `nonsense`: KeyError"):
@@ -101,7 +101,7 @@ def test_a_card_on_which_the_tool_has_no_place_is_told(computer: Computer) -> No
     computer.run("rm", "-rf", FOLDER)
     computer.put(FOLDER, "in the way")
     try:
-        with LocalLink(NAME, computer.enter) as link, pytest.raises(ServerRefused, match=FOLDER):
+        with LocalLink(NAME, computer.enter) as link, pytest.raises(ServerRefusal, match=FOLDER):
             asked(link)
     finally:
         computer.at(FOLDER).unlink()
@@ -174,7 +174,7 @@ def test_over_ssh_it_is_the_same(computer: Computer, tmp_path: Path, monkeypatch
         (tmp_path / "known").write_text(
             f"{NAME} {asyncssh.generate_private_key('ssh-ed25519').export_public_key().decode()}"
         )
-        with SshLink(NAME, access) as link, pytest.raises(HostKeyChanged, match="nothing was told"):
+        with SshLink(NAME, access) as link, pytest.raises(HostKeyMismatch, match="nothing was told"):
             asked(link)
     with SshLink(NAME, access) as link, pytest.raises(ServerAway, match=r"was not reached .*Connection refused"):
         asked(link)

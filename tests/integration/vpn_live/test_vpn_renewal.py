@@ -9,15 +9,15 @@ from live_stand import Echo, Record, Server, declaration, record, server_of
 
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.vpn.identity import CertificateStatus
-from atlantis_netcfg.vpn.server import CCD, FOLDER, SEEN
+from atlantis_netcfg.vpn.server import CCD, FOLDER, SEEN_FILE
 
 pytestmark = pytest.mark.namespace
 
 
-def seen(server: Server) -> tuple[tuple[str, ...], live.Pushed | None]:
+def seen(server: Server) -> tuple[tuple[str, ...], live.PushResult | None]:
     authority = server.record.authority
     sighting, pushed = live.note_seen(declaration(), authority, server.link, live.observe(server.link), "test")
-    return sighting.superseded, pushed
+    return sighting.superseded_names, pushed
 
 
 def standings(made: Record, name: str) -> dict[str, CertificateStatus]:
@@ -49,7 +49,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
                 assert superseded == (name,)
                 assert pushed is not None
                 assert pushed.changes == (f"absent {CCD}/{name}",)
-                assert [one.common_name for one in pushed.ended] == [name]
+                assert [one.common_name for one in pushed.ended_sessions] == [name]
                 after.goes()
         assert old.ended() == 0
         assert server.names() == [second]
@@ -61,7 +61,7 @@ def test_the_old_one_works_until_the_new_one_was_seen(tmp_path: Path) -> None:
         old.said("AUTH_FAILED")
         assert server.names() == [second]
         evidence = server.throw_out(name)
-        assert evidence.confirmed
+        assert evidence.is_confirmed
         assert server.names() == []
 
 
@@ -74,12 +74,12 @@ def test_who_was_seen_between_two_commands_counts(tmp_path: Path) -> None:
         "stranger": {"last": int(time.time()) - 60, "real": "192.0.2.8:1194", "address": "10.80.17.99"},
     }
     with server_of(made) as server:
-        server.put(SEEN, json.dumps({"format": 1, "seen": rows}))
-        assert live.observe(server.link).seen.keys() == rows.keys()
+        server.put(SEEN_FILE, json.dumps({"format": 1, "seen": rows}))
+        assert live.observe(server.link).last_sessions.keys() == rows.keys()
         superseded, pushed = seen(server)
         assert superseded == (name,)
         assert pushed is not None
         assert pushed.changes == (f"absent {CCD}/{name}",)
         assert standings(made, other) == {other: CertificateStatus.ISSUED}
-        server.put(SEEN, "half of a fi")
-        assert live.observe(server.link).seen == {}
+        server.put(SEEN_FILE, "half of a fi")
+        assert live.observe(server.link).last_sessions == {}

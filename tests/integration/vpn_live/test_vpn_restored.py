@@ -19,7 +19,7 @@ from local_link import LocalLink
 from vpn_desk import NOBODY, PASSPHRASE, Desk, seated
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.operations.computers.remote_session import ServerRefused
+from atlantis_netcfg.operations.computers.remote_session import ServerRefusal
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn import server as connected
 from atlantis_netcfg.vpn.authority.authority import Authority
@@ -164,10 +164,10 @@ def test_the_server_itself_refuses_what_an_older_copy_signs(pilot: Pilot) -> Non
     refusals = []
     for names in ((pilot.other,), (pilot.third,)):
         evidence = server.revoke(*record.revoke(*names))
-        assert (evidence.confirmed, evidence.out) == (False, False)
+        assert (evidence.is_confirmed, evidence.out) == (False, False)
         assert "list in place" not in [step for step, _ in evidence.steps]
         refusals.append(" ".join(evidence.notes))
-        with pytest.raises(ServerRefused, match="a revoked member would come back"):
+        with pytest.raises(ServerRefusal, match="a revoked member would come back"):
             live.push(declaration(), record.authority, server.link)
         pilot.nobody_is_readmitted()
         assert not set(names) & pilot.admitted(), "who is revoked by an older copy is out all the same"

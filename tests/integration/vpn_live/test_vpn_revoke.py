@@ -13,7 +13,7 @@ import pytest
 from live_stand import NAME, Client, Echo, Record, Server, declaration, record, server_of
 from local_link import LocalLink
 
-from atlantis_netcfg.operations.computers.remote_session import ServerRefused
+from atlantis_netcfg.operations.computers.remote_session import ServerRefusal
 from atlantis_netcfg.operations.vpn import live
 from atlantis_netcfg.operations.vpn.server_state import PLACE
 from atlantis_netcfg.routeros.render import template_folder
@@ -69,12 +69,12 @@ def test_a_revoked_member_is_dead_at_once_and_does_not_come_back(server: Server)
                 evidence = server.throw_out(name)
                 assert echo.answers() == 0
             assert server.link.round_trips == asked + 1
-            assert evidence.confirmed, evidence
+            assert evidence.is_confirmed, evidence
             assert (evidence.left, evidence.notes) == ((), ())
             assert [step for step, _ in evidence.steps] == ORDER
             assert [one.common_name for one in evidence.ended] == [name]
             assert all(reply.startswith("SUCCESS: ") for replies in evidence.replies for reply in replies)
-            assert live.verify(server.link, evidence).confirmed
+            assert live.verify(server.link, evidence).is_confirmed
         for client in clients:
             assert client.ended() == 0, "it was told, and does not ask again"
             refused(server, client, "certificate revoked")
@@ -90,7 +90,7 @@ def test_who_does_not_listen_is_dead_as_well(server: Server) -> None:
     (name,), (client,) = connected(server)
     client.pause()
     evidence = server.throw_out(name)
-    assert evidence.confirmed
+    assert evidence.is_confirmed
     assert [len(replies) for replies in evidence.replies] == [2]
     assert name not in server.names()
 
@@ -128,17 +128,17 @@ def test_who_holds_the_socket_does_not_hold_the_traffic(server: Server) -> None:
         server.record.revoke(name)
         evidence = server.go_on()
         assert evidence is not None
-        assert (evidence.out, evidence.dead, evidence.confirmed) == (True, False, False)
+        assert (evidence.out, evidence.dead, evidence.is_confirmed) == (True, False, False)
         assert "silent for 2 s" in evidence.notes[0]
         assert evidence.notes[1] == "no session is confirmed dead: the server does not answer"
         assert echo.answers() == 0
-        assert server.record.authority.membership().queued == (name,)
+        assert server.record.authority.membership().queued_names == (name,)
         assert "cannot be asked who is connected" in " ".join(server.drift())
     evidence = server.go_on()
     assert evidence is not None
-    assert evidence.confirmed
+    assert evidence.is_confirmed
     assert [one.common_name for one in evidence.ended] == [name]
-    assert server.record.authority.membership().queued == ()
+    assert server.record.authority.membership().queued_names == ()
     assert server.go_on() is None
 
 
@@ -158,7 +158,7 @@ def test_a_server_that_is_down_has_no_sessions_and_one_that_may_not_be_is_not_tr
         server.record.revoke(other)
         evidence = server.go_on()
         assert evidence is not None
-        assert evidence.confirmed, evidence
+        assert evidence.is_confirmed, evidence
         assert set(evidence.common_names) == {one, other}
         assert "the server does not run" in " ".join(server.drift())
     finally:
@@ -174,7 +174,7 @@ def test_a_server_that_was_started_anew_meanwhile_is_asked_as_before(server: Ser
     client.stop()
     client.start()
     evidence = server.throw_out(name)
-    assert evidence.confirmed
+    assert evidence.is_confirmed
     assert [one.common_name for one in evidence.ended] == [name]
 
 
@@ -186,7 +186,7 @@ def test_who_connects_just_then_does_not_stay(server: Server) -> None:
     for client, name in zip(clients, names, strict=True):
         client.start(wait=False)
         again = live.verify(server.link, server.throw_out(name))
-        assert again.confirmed, again
+        assert again.is_confirmed, again
         client.stop()
 
 
@@ -198,7 +198,7 @@ def test_both_certificates_of_a_member_die_with_it(server: Server) -> None:
     new.start()
     assert {name, second} <= set(server.names())
     evidence = server.throw_out(name)
-    assert evidence.confirmed
+    assert evidence.is_confirmed
     assert {one.common_name for one in evidence.ended} == {name, second}
     for client in (old, new):
         refused(server, client, "certificate revoked")
@@ -208,12 +208,12 @@ def test_a_command_that_was_killed_after_the_list_goes_on_with_the_next_one(serv
     (name,), (client,) = connected(server)
     made.revoke(name)
     with LocalLink(NAME, server.enter) as link:
-        (queued,) = made.authority.membership().queued
+        (queued,) = made.authority.membership().queued_names
         assert queued == name
         evidence = live.finish_revocations(declaration(), made.authority, link)
     assert evidence is not None
-    assert evidence.confirmed
-    assert made.authority.membership().queued == ()
+    assert evidence.is_confirmed
+    assert made.authority.membership().queued_names == ()
     assert client.ended() == 0
 
 
@@ -240,7 +240,7 @@ def test_hand_edits_are_told_and_taken_back_and_strangers_are_ended(server: Serv
     assert server.drift() == ()
     server.put(f"{CCD}/visitor", "ifconfig-push 10.80.0.98 255.255.0.0\n", 0o640)
     server.at(f"{CCD}/visitor").rename(server.at(f"{CCD}/{other}"))
-    assert server.push().ended == (), "who is admitted stays connected, whatever his file said"
+    assert server.push().ended_sessions == (), "who is admitted stays connected, whatever his file said"
     assert other in server.names()
     assert not stranger.log().count("Halt")
 
@@ -249,12 +249,12 @@ def test_another_run_on_the_server_holds_up_a_push_and_no_revocation(server: Ser
     (name,), (client,) = connected(server)
     with server.at("/run/lock/atlantis-configure").open("r+") as busy, Echo(client) as echo:
         fcntl.flock(busy, fcntl.LOCK_EX)
-        with pytest.raises(ServerRefused, match="another run is at work on this computer"):
+        with pytest.raises(ServerRefusal, match="another run is at work on this computer"):
             server.push()
         echo.goes()
         evidence = server.throw_out(name)
         assert echo.answers() == 0
-    assert evidence.confirmed
+    assert evidence.is_confirmed
     assert "another run is at work" in evidence.notes[0]
     assert server.push().changes == ()
 
@@ -278,7 +278,7 @@ def test_a_firewall_that_cannot_be_loaded_lets_no_revoked_one_pass(server: Serve
     assert server.at(FIREWALL).read_text() != "no ruleset\n"
     evidence = server.go_on()
     assert evidence is not None
-    assert evidence.confirmed
+    assert evidence.is_confirmed
 
 
 def test_redirects_that_somebody_switches_on_are_told_and_taken_back(server: Server) -> None:
@@ -316,7 +316,7 @@ def test_a_list_of_another_authority_is_refused(server: Server, tmp_path_factory
     foreign = record(tmp_path_factory.mktemp("other") / "vpn")
     foreign.onboard()
     before = server.at(f"{FOLDER}/crl.pem").read_bytes()
-    with pytest.raises(ServerRefused, match="another authority"):
+    with pytest.raises(ServerRefusal, match="another authority"):
         live.push(declaration(), foreign.authority, server.link)
     assert server.at(f"{FOLDER}/crl.pem").read_bytes() == before
     assert server.drift() == ()
@@ -327,5 +327,5 @@ def test_an_older_copy_of_the_authority_is_refused(server: Server, tmp_path_fact
     shutil.copytree(server.record.authority.folder, copy)
     (name,), _ = connected(server)
     server.throw_out(name)
-    with pytest.raises(ServerRefused, match="and the server has number"):
+    with pytest.raises(ServerRefusal, match="and the server has number"):
         live.push(declaration(), type(server.record.authority).open(copy), server.link)

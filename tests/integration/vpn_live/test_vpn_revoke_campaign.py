@@ -40,9 +40,9 @@ def test_a_hundred_revocations(tmp_path: Path, capsys: pytest.CaptureFixture[str
                 evidence = server.revoke(*common_names)
                 ended = time.monotonic()
                 assert echo.answers() == 0
-            assert evidence.confirmed, (evidence.left, evidence.notes, server.lives)
+            assert evidence.is_confirmed, (evidence.left, evidence.notes, server.lives)
             assert [one.common_name for one in evidence.ended] == [name]
-            assert live.verify(server.link, evidence).confirmed
+            assert live.verify(server.link, evidence).is_confirmed
             asked = ended - evidence.seconds
             echoes.append(max(0.0, echo.last - asked) * 1000)
             for step, at in evidence.steps:

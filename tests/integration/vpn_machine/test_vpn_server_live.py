@@ -31,7 +31,7 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         assert live.push(stand.declaration, stand.authority, link).changes == ()
         assert drift() == ()
         name = stand.laptop("two")
-        assert live.push(stand.declaration, stand.authority, link).changed
+        assert live.push(stand.declaration, stand.authority, link).has_changed
         assert stand.run("--check")["changes"] == []
         assert stand.run()["changes"] == []
         pid = stand.pid()
@@ -43,14 +43,14 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         assert [one.common_name for one in state.sessions] == [name]
         wait_until(lambda: name in stand.read("/run/atlantis-vpn/status"), lambda: "no status was written")
         stand.machine.run("systemctl start atlantis-vpn-seen.service")
-        assert name in live.observe(link).seen
+        assert name in live.observe(link).last_sessions
 
         stand.revoke(name)
         evidence = live.finish_revocations(stand.declaration, stand.authority, link)
         assert evidence is not None
-        assert evidence.confirmed, evidence
+        assert evidence.is_confirmed, evidence
         assert not client.pings()
-        assert live.verify(link, evidence).confirmed
+        assert live.verify(link, evidence).is_confirmed
         assert drift() == ()
         assert stand.run()["changes"] == []
         assert stand.pid() == pid
@@ -61,5 +61,5 @@ def test_role_and_live_commands_agree(stand: Stand, monkeypatch: pytest.MonkeyPa
         stand.revoke(other)
         evidence = live.finish_revocations(stand.declaration, stand.authority, link)
         assert evidence is not None
-        assert evidence.confirmed, "systemd knows that it is down"
+        assert evidence.is_confirmed, "systemd knows that it is down"
         stand.machine.run(f"systemctl start {TUNNEL}")

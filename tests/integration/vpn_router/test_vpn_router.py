@@ -80,7 +80,7 @@ def test_after_the_site_was_provisioned_nothing_of_it_is_undone(tmp_path: Path) 
         stand.install()
         made = converged(stand)
         assert made.exit is ExitCode.DONE, made.message
-        assert converged(stand, JobMode.PLAN).planned == 0
+        assert converged(stand, JobMode.PLAN).planned_count == 0
         assert stand.install().status is Status.UNCHANGED
         assert stand.twins.do(HOST.name, "wrapped", interface=NAME)
         # A later identity takes the place of the first one, and the site's run gives back what named the interface.
@@ -92,7 +92,7 @@ def test_after_the_site_was_provisioned_nothing_of_it_is_undone(tmp_path: Path) 
         assert certificates[CERTIFICATE] == later.certificate.sha256
         assert stand.identity.certificate.sha256 not in certificates.values()
         assert converged(stand).exit is ExitCode.DONE
-        assert converged(stand, JobMode.PLAN).planned == 0
+        assert converged(stand, JobMode.PLAN).planned_count == 0
         assert stand.install(later).status is Status.UNCHANGED
 
 
@@ -159,12 +159,12 @@ def test_a_run_that_is_cut_anywhere_is_completed_by_the_next(tmp_path: Path, pat
 
 def test_a_clock_that_is_wrong_is_told(tmp_path: Path) -> None:
     with router(tmp_path, "7.21.5", clock=datetime(1970, 1, 2, tzinfo=UTC)) as stand:
-        tunnel = routeros.declared(SHIPPED, HOST)
+        tunnel = routeros.find_tunnel(SHIPPED, HOST)
         assert tunnel is not None
         endpoint = device_job(SHIPPED, HOST, stand.request, NoJournal(), ignore).endpoint
         profile = routeros.profile(SHIPPED, stand.identity)
         asked = RouterImport(
-            HOST.name, HOST.site, endpoint, tunnel, stand.identity, profile, rehearsed=False, notify=ignore
+            HOST.name, HOST.site, endpoint, tunnel, stand.identity, profile, is_rehearsal=False, notify=ignore
         )
         (note,) = asyncio.run(asked.look()).notes
         assert note.startswith("its clock says 1970-01-02: the tunnel comes up when it is right")

@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Trouble
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.records.asbuilt import computer
@@ -60,7 +60,7 @@ def test_every_program_that_is_asked_is_on_the_closed_list(tmp_path: Path) -> No
     # The shipped inventory has no key of ROS' archive.
     assert [note.partition(",")[0] for note in notes] == ["which packages `gateway_ros2` installs is not known"]
     asked = computer.questions(GATEWAY, packages)
-    assert [question.argv for _, question in asked if not allowed(question.argv)] == []
+    assert [question.argv for _, question in asked if not is_allowed(question.argv)] == []
 
 
 def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_packages_of_the_server_are_those_that_its_role_installs(tmp_path: Path)
     ],
 )
 def test_nothing_else_is_on_it(words: str) -> None:
-    assert not allowed(tuple(words.split()))
+    assert not is_allowed(tuple(words.split()))
 
 
 def test_a_board_says_what_it_is() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.records.asbuilt.collect import JournalFacts
 from atlantis_netcfg.records.asbuilt.record import DeviceRecord, Fact, Origin, ReadState
-from atlantis_netcfg.runs import Outcome, Purpose, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import Outcome, Purpose, RunEnd, RunStart, Store
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 ROUTER, SERVER = "coastal-router", "coastal-gateway"
@@ -15,18 +15,18 @@ ROUTER, SERVER = "coastal-router", "coastal-gateway"
 
 def ran(state: Path, day: int, purpose: Purpose, status: str, by: str = "") -> None:
     store = Store(state, now=lambda: datetime(2026, 11, day, tzinfo=UTC))
-    started = RunStarted(
+    started = RunStart(
         site="coastal", revision="", tool="0", hosts=(ROUTER,), rehearsed=False, command="", purpose=purpose, by=by
     )
     with store.start(started) as journal:
         for name in (ROUTER, SERVER):
             journal.write(Outcome(device=name, status=status, exit=0 if status == "changed" else 4, message=""))
-        journal.write(RunEnded(exit=0))
+        journal.write(RunEnd(exit=0))
 
 
 def facts(state: Path, name: str = ROUTER) -> Mapping[str, Fact]:
     device = DeviceRecord(name=name, kind="router", state=ReadState.NOT_REACHED)
-    return JournalFacts(SHIPPED, "coastal", Store(state)).added(device).facts
+    return JournalFacts(SHIPPED, "coastal", Store(state)).extend_record(device).facts
 
 
 def test_a_computer_that_knows_nothing_says_so(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.inventory.model import AsBuilt
 from atlantis_netcfg.records.asbuilt.pages import html, rows
 from atlantis_netcfg.records.asbuilt.pdf import labels_of, labels_pdf, pdf
-from atlantis_netcfg.records.asbuilt.record import Fact, Origin, compared
+from atlantis_netcfg.records.asbuilt.record import Fact, Origin, compare
 
 DIGEST = "0123456789abcdef" * 4
 PLACE = "real/coastal/asbuilt/20261125T100000Z"
@@ -45,7 +45,7 @@ def test_a_screen_says_where_each_value_is_from() -> None:
 
 
 def test_a_screen_shows_last_known_values_of_whom_nobody_reached_as_such() -> None:
-    made = compared(record(away(), id="20261126T100000Z"), record())
+    made = compare(record(away(), id="20261126T100000Z"), record())
     text = re.sub(r"\n +", " ", "\n".join(printable.plain(row) for row in rows(made, "kept")))
     assert "coastal-router: router, NOT REACHED" in text
     assert "its last known values, read on 2026-11-25 10:00 WET (10:00 UTC)" in text
@@ -59,7 +59,7 @@ def test_a_screen_fits_eighty_columns_but_for_words_that_are_longer() -> None:
 
 
 def test_differences_stand_on_screen_page_and_paper() -> None:
-    made = compared(record(router("EXAMPLE2"), id="20261126T100000Z"), record())
+    made = compare(record(router("EXAMPLE2"), id="20261126T100000Z"), record())
     told = "coastal-router: serial number changed from EXAMPLE1 to EXAMPLE2"
     assert f"  ~ {told}" in [printable.plain(row) for row in rows(made, "kept")]
     assert told in html(made, DIGEST).decode()

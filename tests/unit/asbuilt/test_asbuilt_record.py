@@ -8,7 +8,7 @@ from asbuilt_examples import AT, GATEWAY, LATER, away, port, read, record, route
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory.model import NumberMask
-from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parsed
+from atlantis_netcfg.records.asbuilt.archive import FILE, keep, latest, new_folder, parse_record
 from atlantis_netcfg.records.asbuilt.record import (
     AsBuiltRecord,
     DeviceRecord,
@@ -16,11 +16,11 @@ from atlantis_netcfg.records.asbuilt.record import (
     Link,
     Origin,
     ReadState,
-    compared,
-    masked,
+    compare,
+    mask_number,
     report_tables,
 )
-from atlantis_netcfg.runs import JournalFailed, StateDamaged
+from atlantis_netcfg.runs import DamagedStateError, JournalError
 
 NUMBER = "001017000001234"
 
@@ -35,7 +35,7 @@ NUMBER = "001017000001234"
     ],
 )
 def test_a_number_is_masked_as_declared(mask: NumberMask, number: str, shown: str) -> None:
-    assert masked(number, mask) == shown
+    assert mask_number(number, mask) == shown
 
 
 def later(*devices: DeviceRecord) -> AsBuiltRecord:
@@ -43,16 +43,16 @@ def later(*devices: DeviceRecord) -> AsBuiltRecord:
 
 
 def words(now: AsBuiltRecord, before: AsBuiltRecord) -> list[str]:
-    return [change.words for change in compared(now, before).changes]
+    return [change.words for change in compare(now, before).changes]
 
 
 def test_the_first_record_is_compared_with_nothing() -> None:
-    found = compared(record(), None)
+    found = compare(record(), None)
     assert (found.since, found.changes) == (None, ())
 
 
 def test_the_same_again_is_no_difference() -> None:
-    found = compared(later(router(read_at=LATER), terminal()), record())
+    found = compare(later(router(read_at=LATER), terminal()), record())
     assert (found.since, found.changes) == ("20261125T100000Z", ())
 
 
@@ -94,19 +94,19 @@ def test_runs_of_the_journal_are_no_difference_of_a_device() -> None:
 @pytest.mark.parametrize("rehearsed", [True, False])
 def test_another_certificate_is_a_difference_but_of_an_emulated_device(*, rehearsed: bool) -> None:
     before, now = (router(facts={**router().facts, "certificate": read(text * 64)}) for text in "ab")
-    found = compared(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
+    found = compare(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
     assert [change.what for change in found] == ([] if rehearsed else ["TLS certificate"])
 
 
 @pytest.mark.parametrize("rehearsed", [True, False])
 def test_another_card_is_a_difference_but_of_an_emulated_computer(*, rehearsed: bool) -> None:
     before, now = (router("EXAMPLE1", port(mac=f"02:00:5E:00:01:0{n}"), kind="gateway") for n in "12")
-    found = compared(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
+    found = compare(record(now, rehearsed=rehearsed), record(before, rehearsed=rehearsed)).changes
     assert [change.what for change in found] == ([] if rehearsed else ["MAC of port ether3"])
 
 
 def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> None:
-    found = compared(later(away()), record()).device("coastal-router")
+    found = compare(later(away()), record()).device("coastal-router")
     assert found is not None
     assert found.state is ReadState.NOT_REACHED
     assert found.facts["serial"] == Fact(value="EXAMPLE1", origin=Origin.STORED, at=AT)
@@ -114,13 +114,13 @@ def test_whom_nobody_reached_keeps_the_last_known_values_marked_as_stored() -> N
 
 
 def test_last_known_values_keep_their_time_over_many_records_and_are_compared_when_it_answers_again() -> None:
-    second = compared(later(away()), record())
-    third = compared(record(away(), id="20261127T100000Z"), second)
+    second = compare(later(away()), record())
+    third = compare(record(away(), id="20261127T100000Z"), second)
     found = third.device("coastal-router")
     assert found is not None
     assert found.facts["serial"].at == AT
     assert third.changes == ()
-    fourth = compared(record(router("EXAMPLE2"), id="20261128T100000Z"), third)
+    fourth = compare(record(router("EXAMPLE2"), id="20261128T100000Z"), third)
     assert [change.after for change in fourth.changes] == ["EXAMPLE2"]
 
 
@@ -139,7 +139,7 @@ def test_only_what_was_read_is_green(devices: tuple[DeviceRecord, ...], code: Ex
 
 
 def test_the_tables_of_the_report_hold_nothing_but_what_was_read() -> None:
-    stored = compared(later(away(), terminal()), record())
+    stored = compare(later(away(), terminal()), record())
     assert [(table.number, table.rows) for table in report_tables(stored)] == [(8, ()), (9, ()), (31, ()), (32, ())]
     gateway = router(name="coastal-gateway", kind="gateway", packages={"chrony": "4.3-2"}, facts={"os": read("Debian")})
     found = {table.number: table.rows for table in report_tables(record(router(), gateway, terminal()))}
@@ -188,7 +188,7 @@ def test_a_full_disk_leaves_no_record(tmp_path: Path, monkeypatch: pytest.Monkey
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("atlantis_netcfg.core.atomic_files.write_all", full)
-    with pytest.raises(JournalFailed, match="the record cannot be written: No space left on device"):
+    with pytest.raises(JournalError, match="the record cannot be written: No space left on device"):
         keep(folder, {FILE: data(), "as-built.html": b"page"})
     assert latest(tmp_path) is None
 
@@ -196,7 +196,7 @@ def test_a_full_disk_leaves_no_record(tmp_path: Path, monkeypatch: pytest.Monkey
 @pytest.mark.parametrize("text", [b"", b"[]", b"{}", b'{"format": 1'])
 def test_a_damaged_record_is_said(tmp_path: Path, text: bytes) -> None:
     keep(new_folder(tmp_path, AT), {FILE: text})
-    with pytest.raises(StateDamaged, match="the last record cannot be read") as caught:
+    with pytest.raises(DamagedStateError, match="the last record cannot be read") as caught:
         latest(tmp_path)
     assert caught.value.hint is not None
     assert "put its folder aside" in caught.value.hint
@@ -205,7 +205,7 @@ def test_a_damaged_record_is_said(tmp_path: Path, text: bytes) -> None:
 def test_json_says_how_it_ended_and_can_be_read_back() -> None:
     found = json.loads(data())
     assert (found["exit"], found["errors"], [table["number"] for table in found["tables"]]) == (0, [], [8, 9, 31, 32])
-    assert parsed(data()) == record()
+    assert parse_record(data()) == record()
 
 
 def test_programs_find_the_keys_that_they_know() -> None:

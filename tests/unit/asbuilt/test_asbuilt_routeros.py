@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.spec import Called, Environment, ModemSpec, RouterSpec, User
+from atlantis_netcfg.emulator.routeros.spec import DiscoveryNeighbour, Environment, ModemSpec, RouterSpec, User
 from atlantis_netcfg.inventory.model import NumberMask
 from atlantis_netcfg.records.asbuilt import routeros
 from atlantis_netcfg.records.asbuilt.record import Link, Origin
@@ -85,7 +85,7 @@ def test_a_port_says_its_link_its_rate_and_its_card() -> None:
 
 
 def test_who_was_heard_is_joined_by_mac_and_named_by_the_declaration() -> None:
-    called = Called(identity="EXAMPLE-gw", interface="ether1", mac="02:00:5e:00:02:01", address="10.10.0.6")
+    called = DiscoveryNeighbour(identity="EXAMPLE-gw", interface="ether1", mac="02:00:5e:00:02:01", address="10.10.0.6")
     found = Box(plugged={"ether4": (MAC,)}, cards={"10.64.1.23": MAC}, called=(called,)).read()
     heard = {port.name: port.neighbours for port in found.ports if port.neighbours}
     (gateway,) = heard["ether4"]

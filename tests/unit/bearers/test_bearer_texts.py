@@ -5,10 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from atlantis_netcfg.links.lte import routeros
-from atlantis_netcfg.links.lte.judge import LteExpected
+from atlantis_netcfg.links.lte.judge import LteSubscription
 from atlantis_netcfg.links.lte.judge import judge as judge_lte
 from atlantis_netcfg.links.status import decibels, megabits, percent, seconds, whole, yes
-from atlantis_netcfg.links.wifi import Family, WifiExpected, judge, link_state, quality, read
+from atlantis_netcfg.links.wifi import Family, WifiSettings, judge, link_state, quality, read
 
 WORDS = st.one_of(
     st.text(max_size=20),
@@ -28,7 +28,7 @@ FIELDS = st.sampled_from(
 )
 ROWS = st.dictionaries(FIELDS, WORDS, max_size=8)
 TABLES = st.none() | st.lists(ROWS, max_size=3)
-WANTED = WifiExpected(peer="b", access_point=True, ssid="s", protocol="nv2", frequency_mhz=5500)
+WANTED = WifiSettings(peer="b", access_point=True, ssid="s", protocol="nv2", frequency_mhz=5500)
 
 
 @given(st.sampled_from(Family), TABLES, st.none() | ROWS)
@@ -51,7 +51,7 @@ def test_a_modem_may_say_anything(
     log: list[dict[str, str]] | None,
 ) -> None:
     found = routeros.read(monitor, interfaces, profiles, addresses, log)
-    assert all(one.hint for one in judge_lte(found, LteExpected(apn="umts")))
+    assert all(one.hint for one in judge_lte(found, LteSubscription(apn="umts")))
     assert all(value is None or value < 0 for value in (found.rsrp_dbm, found.rssi_dbm))
 
 

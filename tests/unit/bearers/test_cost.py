@@ -98,28 +98,28 @@ def test_a_dearer_tariff_never_costs_less(nbytes: int, seconds: float, tariff: T
 
 
 def test_a_preview_names_the_bearer_the_price_and_what_is_not_declared() -> None:
-    satellite = MeteredLink("satellite", "coastal", metered=True, tariff=CERTUS_100, cap_bytes=5_000_000)
+    satellite = MeteredLink("satellite", "coastal", is_metered=True, tariff=CERTUS_100, cap_bytes=5_000_000)
     assert preview(60_000, 40.0, satellite).words == (
         "over satellite of coastal, which is paid by the byte: about 60 kB, 0.48 EUR"
     )
-    lte = MeteredLink("4g", "coastal", metered=True, cap_bytes=5_000_000)
+    lte = MeteredLink("4g", "coastal", is_metered=True, cap_bytes=5_000_000)
     assert preview(60_000, 2.0, lte).words == (
         "over 4g of coastal, which is paid by the byte: about 60 kB, price unknown"
         " (`billing` of bearer `4g` in group_vars/coastal.yml is not declared)"
     )
-    cable = MeteredLink("lan", "coastal", metered=False)
+    cable = MeteredLink("lan", "coastal", is_metered=False)
     assert preview(60_000, 2.0, cable).words == "over lan, which is not paid by the byte: about 60 kB"
 
 
 def test_the_cap_holds_on_metered_links_and_names_its_key() -> None:
-    link = MeteredLink("satellite", "coastal", metered=True, cap_bytes=5_000_000)
+    link = MeteredLink("satellite", "coastal", is_metered=True, cap_bytes=5_000_000)
     assert not preview(5_000_000, 1.0, link).over_cap
     beyond = preview(5_000_001, 1.0, link)
     assert beyond.over_cap
     assert beyond.refusal().exit is ExitCode.FAILED
     assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (beyond.refusal().hint or "")
-    assert not preview(10**9, 1.0, MeteredLink("lan", "coastal", metered=False, cap_bytes=1)).over_cap
-    assert not preview(10**9, 1.0, MeteredLink("4g", "coastal", metered=True)).over_cap
+    assert not preview(10**9, 1.0, MeteredLink("lan", "coastal", is_metered=False, cap_bytes=1)).over_cap
+    assert not preview(10**9, 1.0, MeteredLink("4g", "coastal", is_metered=True)).over_cap
 
 
 @pytest.mark.parametrize(

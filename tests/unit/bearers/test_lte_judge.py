@@ -5,7 +5,7 @@ import yaml
 from row_subtests import for_each_row
 
 from atlantis_netcfg.links.lte import LteReading, Registration
-from atlantis_netcfg.links.lte.judge import LteExpected, judge, link_state, quality
+from atlantis_netcfg.links.lte.judge import LteSubscription, judge, link_state, quality
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_judge_cases.yml").read_text("utf-8"))
 
@@ -15,9 +15,9 @@ def reading(case: dict[str, Any]) -> LteReading:
     return LteReading(source="routeros", **{**given, "state": Registration(given["state"])})
 
 
-def wanted(case: dict[str, Any]) -> LteExpected:
+def wanted(case: dict[str, Any]) -> LteSubscription:
     given = dict(case.get("wanted", {}))
-    return LteExpected(**{**given, "bands": tuple(given.get("bands", ()))})
+    return LteSubscription(**{**given, "bands": tuple(given.get("bands", ()))})
 
 
 def ident(case: dict[str, Any]) -> str:
@@ -34,7 +34,7 @@ def test_told(case: dict[str, Any]) -> None:
 
 def test_every_state_is_judged() -> None:
     registered = {Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING}
-    told = {state: judge(LteReading(source="at", state=state), LteExpected()) for state in Registration}
+    told = {state: judge(LteReading(source="at", state=state), LteSubscription()) for state in Registration}
     assert all(len(found) == 1 for state, found in told.items() if state not in registered)
     assert len({found[0].code for state, found in told.items() if state not in registered}) == 7
     assert len({found[0].hint for state, found in told.items() if state not in registered}) == 7

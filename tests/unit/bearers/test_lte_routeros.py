@@ -7,7 +7,7 @@ import yaml
 from row_subtests import for_each_row
 
 from atlantis_netcfg.links.lte import Registration
-from atlantis_netcfg.links.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redacted
+from atlantis_netcfg.links.lte.routeros import IDENTITIES, log_query, modem_name, queries, read, redact
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "lte_routeros_cases.yml").read_text("utf-8"))
 FIELDS = frozenset(trees.offered()["/interface/lte/monitor proplist"])
@@ -28,7 +28,7 @@ def test_read(case: dict[str, Any]) -> None:
 @for_each_row("case", CASES, ids=ident)
 def test_identities_go_nowhere(case: dict[str, Any]) -> None:
     monitor = case["monitor"] or {}
-    said = repr(read(monitor)) + repr(redacted(monitor))
+    said = repr(read(monitor)) + repr(redact(monitor))
     assert [name for name in IDENTITIES & monitor.keys() if monitor[name] in said] == []
 
 

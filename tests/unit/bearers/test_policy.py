@@ -5,8 +5,8 @@ from row_subtests import for_each_row
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer, active_bearers, probe_commands
 
 PTP = BearerRoute("wifi-ptp", "10.10.0.1", "10.10.0.2", ("198.51.100.11", "198.51.100.12"), "ether1", "wifi_ptp")
-LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", metered=True)
-SAT = BearerRoute("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", metered=True)
+LTE = BearerRoute("4g", "10.10.1.1", "10.10.1.2", ("198.51.100.21", "198.51.100.22"), "ether2", "lte", is_metered=True)
+SAT = BearerRoute("satellite", "10.10.2.1", "10.10.2.2", (), "ether3", "satellite", is_metered=True)
 BEARERS = (PTP, LTE, SAT)
 Row = dict[str, str]
 
@@ -61,7 +61,7 @@ def test_several_are_told_in_order_of_preference() -> None:
 
 def test_probes_leave_by_their_own_link_and_spare_the_satellite() -> None:
     watched = BearerRoute(
-        "satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", metered=True
+        "satellite", "10.10.2.1", "10.10.2.2", ("198.51.100.31",), "ether3", "satellite", is_metered=True
     )
     probes = probe_commands((PTP, LTE, watched), count=2)
     assert [(probe.bearer, probe.target) for probe in probes] == [

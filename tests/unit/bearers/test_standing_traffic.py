@@ -8,10 +8,10 @@ from atlantis_netcfg.links import standing_traffic
 from atlantis_netcfg.links.cost import MeteredLink, Tariff
 
 CYCLONE = standing_traffic.DdsSizes(
-    380, repeated=False, sample_head=84, reliability=standing_traffic.HeartbeatsUntilAcknowledged()
+    380, has_repeat=False, sample_head=84, reliability=standing_traffic.CycloneHeartbeats()
 )
 FAST = standing_traffic.DdsSizes(
-    484, repeated=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
+    484, has_repeat=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
 )
 CABLE = standing_traffic.LinkPace(rtt_s=0.0, up_bps=1e9)
 UDP = standing_traffic.VpnHeaders.of("udp")
@@ -58,14 +58,14 @@ def test_announcements_and_what_closed_ports_answer(
     sizes: standing_traffic.DdsSizes, processes: int, sent: int, refused: int
 ) -> None:
     announcing = standing_traffic.Announcing(processes, ports=10, every_s=20, sizes=sizes)
-    assert announcing.sent(1, UDP) == pytest.approx(sent * 4320)
-    assert announcing.sent(3, UDP) == pytest.approx(3 * sent * 4320)
-    assert announcing.refused(1, UDP) == pytest.approx(refused * 4320)
+    assert announcing.announcement_bytes(1, UDP) == pytest.approx(sent * 4320)
+    assert announcing.announcement_bytes(3, UDP) == pytest.approx(3 * sent * 4320)
+    assert announcing.refusal_bytes(1, UDP) == pytest.approx(refused * 4320)
 
 
 def test_a_kernel_refuses_once_a_second_at_most() -> None:
     assert (
-        standing_traffic.Announcing(5, ports=50, every_s=5, sizes=CYCLONE).refused(1, standing_traffic.NO_VPN)
+        standing_traffic.Announcing(5, ports=50, every_s=5, sizes=CYCLONE).refusal_bytes(1, standing_traffic.NO_VPN)
         == standing_traffic.DAY_S * 408
     )
 
@@ -90,7 +90,7 @@ def test_a_message_that_does_not_fit_goes_in_fragments(size_bytes: int, on_the_l
 
 def test_telemetry_goes_to_each_subscriber() -> None:
     topics = [(2, standing_traffic.MessageCost(1, 104, 1)), (0.5, standing_traffic.MessageCost(1, 1000, 1, 92, 1))]
-    assert standing_traffic.published(topics, 2) == standing_traffic.StandingFlow(
+    assert standing_traffic.topic_flow(topics, 2) == standing_traffic.StandingFlow(
         standing_traffic.TrafficSource.TELEMETRY, (208 + 500) * 2 * standing_traffic.DAY_S, 92 * standing_traffic.DAY_S
     )
 
@@ -100,7 +100,7 @@ def test_what_is_always_there_is_told_apart() -> None:
         standing_traffic.canaries(2, 30),
         standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 1_000_000, 2_000_000),
     )
-    traffic = standing_traffic.StandingTraffic(MeteredLink("4g", "quay", metered=True), (asked, said))
+    traffic = standing_traffic.StandingTraffic(MeteredLink("4g", "quay", is_metered=True), (asked, said))
     assert (traffic.idle_day_bytes, traffic.day_bytes) == (967_680, 3_967_680)
     assert traffic.month_bytes == 30 * traffic.day_bytes
     assert traffic.words == (
@@ -113,7 +113,7 @@ def test_what_is_always_there_is_told_apart() -> None:
 
 def test_the_floor_of_a_session_that_never_ends() -> None:
     tariff = Tariff(Decimal(8), min_session_bytes=5000, floor_bytes_per_s=300, floor_after_s=300)
-    link = MeteredLink("satellite", "quay", metered=True, tariff=tariff)
+    link = MeteredLink("satellite", "quay", is_metered=True, tariff=tariff)
     traffic = standing_traffic.StandingTraffic(
         link, (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 100_000, 100_000),)
     )
@@ -125,7 +125,7 @@ def test_the_floor_of_a_session_that_never_ends() -> None:
 
 def test_a_free_link_has_no_price() -> None:
     traffic = standing_traffic.StandingTraffic(
-        MeteredLink("wifi-ptp", "quay", metered=False),
+        MeteredLink("wifi-ptp", "quay", is_metered=False),
         (standing_traffic.StandingFlow(standing_traffic.TrafficSource.VPN, 1000, 1000),),
     )
     assert traffic.words == ("2.0 kB a day, 60 kB a month while it carries the traffic", "of a day: VPN 2.0 kB")
@@ -145,4 +145,4 @@ def test_flows_of_one_source_are_added_up() -> None:
     )
     assert standing_traffic.StandingFlow(
         standing_traffic.TrafficSource.DDS, 1, 2
-    ).mirrored() == standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 2, 1)
+    ).mirror() == standing_traffic.StandingFlow(standing_traffic.TrafficSource.DDS, 2, 1)

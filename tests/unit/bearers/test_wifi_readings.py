@@ -6,7 +6,7 @@ import trees
 import yaml
 from row_subtests import for_each_row
 
-from atlantis_netcfg.links.wifi import Family, WifiExpected, WifiReading, judge, link_state, quality, queries, read
+from atlantis_netcfg.links.wifi import Family, WifiReading, WifiSettings, judge, link_state, quality, queries, read
 
 CASES: list[dict[str, Any]] = yaml.safe_load((Path(__file__).parent / "wifi_cases.yml").read_text(encoding="utf-8"))
 WANTED: dict[str, Any] = {
@@ -23,11 +23,11 @@ def reading(case: dict[str, Any]) -> WifiReading:
     return read(family, case["registrations"], case["monitor"], "wifi1" if family is Family.WIFI else None)
 
 
-def wanted(case: dict[str, Any]) -> WifiExpected:
+def wanted(case: dict[str, Any]) -> WifiSettings:
     own = dict(case.get("wanted", {}))
     if "peer_macs" in own:
         own["peer_macs"] = frozenset(own["peer_macs"])
-    return WifiExpected(**{**WANTED, **own})
+    return WifiSettings(**{**WANTED, **own})
 
 
 def plain(value: object) -> object:

@@ -87,5 +87,5 @@ def manifest(signer: BundleSigner) -> Manifest:
 
 
 def sign(folder: Path, told: Manifest, signer: BundleSigner) -> None:
-    (folder / "manifest.json").write_bytes(told.encoded())
-    (folder / "manifest.json.asc").write_bytes(signer.beside(told.encoded()))
+    (folder / "manifest.json").write_bytes(told.encode())
+    (folder / "manifest.json.asc").write_bytes(signer.beside(told.encode()))

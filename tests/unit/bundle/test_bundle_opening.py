@@ -11,7 +11,7 @@ from bundle_made import HOST, LIBRARY, WISH, folder, keys, manifest, sign, signe
 
 from atlantis_netcfg.computers.bundle.manifest import BundleSigner, Keys
 from atlantis_netcfg.computers.bundle.open import bytes_to_carry, open_bundle
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, HostRequirements, PackageRequirement
+from atlantis_netcfg.computers.bundle.requirements import BundleError, HostRequirements, PackageRequirement
 from atlantis_netcfg.core.errors import ExitCode
 
 __all__ = ["folder", "keys", "signer"]
@@ -22,7 +22,7 @@ AGAIN = "copy the bundle again, or make it anew: `provision bundle site=coastal`
 def refusal(
     folder: Path, keys: Keys, wish: HostRequirements = WISH, accept: str | None = None
 ) -> list[tuple[str, str | None]]:
-    with pytest.raises(BundleRefused) as caught:
+    with pytest.raises(BundleError) as caught:
         open_bundle(folder, keys, [wish], accept=accept)
     assert caught.value.exit is ExitCode.USAGE
     return [(str(each), each.hint) for each in caught.value.errors or (caught.value,)]

@@ -45,13 +45,13 @@ def bring(store: BundleStore, name: str, data: bytes, content: dict[str, bytes])
 
 
 def test_a_bundle_is_put_together_once(store: BundleStore, tmp_path: Path) -> None:
-    assert store.settle(ONE, None, check=False).known is False
+    assert store.settle(ONE, None, check=False).is_known is False
     assert len(store.settle(ONE, held(CONTENT), check=False).missing) == 3
     assert bring(store, ONE, archive(CONTENT), CONTENT) == (True, 0)
     for path, data in CONTENT.items():
         assert (tmp_path / "lib" / "bundle" / ONE / path).read_bytes() == data
     again = store.settle(ONE, None, check=False)
-    assert (again.ready, again.known, again.changes) == (True, True, ())
+    assert (again.ready, again.is_known, again.changes) == (True, True, ())
 
 
 @pytest.mark.parametrize("cut", [0, 100, 512, 6000, 12000, -1])

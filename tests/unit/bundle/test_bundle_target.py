@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.computers.bundle.manifest import Keys
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused, read_target
+from atlantis_netcfg.computers.bundle.requirements import BundleError, read_target
 from atlantis_netcfg.computers.bundle.resolve import archive
 
 
@@ -33,7 +33,7 @@ def status(base: str = "11ubuntu5.8", architecture: str = "arm64", extra: str = 
     ],
 )
 def test_what_system_it_is(base: str, release: str) -> None:
-    assert read_target(status(base), "status").shown == f"{release} arm64"
+    assert read_target(status(base), "status").title == f"{release} arm64"
 
 
 def test_only_what_is_installed_counts() -> None:
@@ -43,7 +43,7 @@ def test_only_what_is_installed_counts() -> None:
         "Package: held\nStatus: hold ok installed\nArchitecture: arm64\nVersion: 1\n\n"
         "Package: other\nStatus: install ok installed\nArchitecture: armhf\nVersion: 1\n"
     )
-    found = read_target(status(extra=extra), "status").installed
+    found = read_target(status(extra=extra), "status").installed_packages
     assert found == {"dpkg": "1.19", "base-files": "11ubuntu5.8", "tzdata": "2024a", "held": "1"}
 
 
@@ -57,7 +57,7 @@ def test_only_what_is_installed_counts() -> None:
     ],
 )
 def test_what_is_no_status_is_refused(data: bytes, words: str) -> None:
-    with pytest.raises(BundleRefused) as caught:
+    with pytest.raises(BundleError) as caught:
         read_target(data, "x")
     assert str(caught.value) == words
 
@@ -102,7 +102,7 @@ def test_where_its_own_packages_come_from(  # noqa: PLR0913, PLR0917 - columns o
 
 
 def test_a_keyring_that_cannot_be_read_is_named(tmp_path: Path) -> None:
-    with pytest.raises(BundleRefused, match="the key of the distribution cannot be read") as caught:
+    with pytest.raises(BundleError, match="the key of the distribution cannot be read") as caught:
         archive(read_target(status(), "x"), None, tmp_path / "none")
     assert caught.value.hint == "`keyring=` names a file"
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.computers.bundle.requirements import Library, PackageRequirement, PackageSource, RequirementKey
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.bundle import bundle_hosts, has_tokens, wish_of
 from atlantis_netcfg.operations.common.request import Request
@@ -86,5 +86,5 @@ def test_a_control_centre_has_a_bundle_without_what_is_not_built_there(
 
 
 def test_a_choice_without_computers_has_no_bundle(declaration: Declaration) -> None:
-    with pytest.raises(NothingMatched, match="`scc-router`: bundles are for gateways, control centres and operator"):
+    with pytest.raises(NoMatchError, match="`scc-router`: bundles are for gateways, control centres and operator"):
         bundle_hosts(declaration, "scc", ["scc-router"])

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.computers.bundle.build import workshop
-from atlantis_netcfg.computers.bundle.requirements import BundleRefused
+from atlantis_netcfg.computers.bundle.requirements import BundleError
 from atlantis_netcfg.core.errors import UsageError
 
 
@@ -14,7 +14,7 @@ def test_no_link_is_followed_to_where_a_bundle_is_made(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.mkdir()
     (tmp_path / ".bundle.part").symlink_to(victim)
-    with pytest.raises(BundleRefused, match="cannot be made"), workshop(tmp_path / "bundle"):
+    with pytest.raises(BundleError, match="cannot be made"), workshop(tmp_path / "bundle"):
         pass
     assert [*victim.iterdir()] == []
 

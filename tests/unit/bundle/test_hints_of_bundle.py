@@ -58,7 +58,7 @@ def at(  # noqa: PLR0913, PLR0917 - fixtures
         return manifest(signer)
 
     monkeypatch.setenv("ATLANTIS_STATE", str(place.state))
-    monkeypatch.setattr(bundling, "made", made)
+    monkeypatch.setattr(bundling, "make_bundle", made)
     monkeypatch.setattr(bundling, "wish_of", lambda *_, **__: WISH)
     monkeypatch.setattr(Keys, "of", lambda _state: keys)
     return place
@@ -83,12 +83,12 @@ def none(at: Place) -> str:
 def told(hint: str) -> str:
     """As the laptop tells what a gateway has refused."""
     result = ComputerResult(HOST, Mode.APPLY, "coastal")
-    result.failed("packages", {"msg": "refused", "hint": hint}, Status.LEFT_AS_FOUND)
+    result.fail("packages", {"msg": "refused", "hint": hint}, Status.LEFT_AS_FOUND)
     return str(result.as_dict()["hint"])
 
 
 def too_dear(_at: Place) -> str:
-    wanted: Any = SimpleNamespace(desired=SimpleNamespace(limit_words="", limit_bytes=1))
+    wanted: Any = SimpleNamespace(desired_packages=SimpleNamespace(limit_words="", limit_bytes=1))
     return told(str(AptConvergence._too_dear(wanted, "20 MB").hint))
 
 

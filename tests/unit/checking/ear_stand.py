@@ -30,7 +30,7 @@ def asked(*questions: Question, deadline_s: float | None = None) -> dict[str, An
     by_name = {question.name: question for question in questions}
     made = batch(list(by_name.items()))
     told: dict[str, Any] = {}
-    work = json.loads(json.dumps(made.asked)) | ({} if deadline_s is None else {"deadline_s": deadline_s})
+    work = json.loads(json.dumps(made.request)) | ({} if deadline_s is None else {"deadline_s": deadline_s})
     answer_all(work, lambda key, said: told.update({key: json.loads(json.dumps(said))}))
     return {name: read_result(told[name], question, 1.0, 2.0) for name, question in by_name.items()}
 
@@ -44,7 +44,7 @@ def heard_by(question: Listen) -> Transcript:
 def asked_apart(*questions: Question, python: str = sys.executable) -> dict[str, Answer]:
     """The same by the program, in a process of its own."""
     by_name = {question.name: question for question in questions}
-    feed = program(batch(list(by_name.items())).asked)
+    feed = program(batch(list(by_name.items())).request)
     done = subprocess.run([python, "-I", "-c", BOOT], input=feed, capture_output=True, check=True)
     assert done.stderr == b""
     rows = (json.loads(line) for line in done.stdout.splitlines())

@@ -74,7 +74,7 @@ def test_every_kind_of_question_by_the_program() -> None:
     assert tcp.data == b"\x00\xffanswer\r\n"
     assert isinstance(ran, probes.CommandResult)
     assert dict(line.split("=", 1) for line in ran.out.splitlines()).keys() == {"PATH", "LC_ALL"}
-    assert (ran.asked, ran.heard) == (1.0, 2.0)
+    assert (ran.request_time, ran.response_time) == (1.0, 2.0)
     assert (told["dhcp"].trouble, told["dhcp"].words) == (
         probes.Trouble.MISSING,
         "this computer has no interface no-such-interface",
@@ -139,7 +139,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
         hangs, waits = (listen(port, name=name, listen_s=ENOUGH_S) for name in ("hangs", "waits"))
         made = batch([("hangs", hangs), ("waits", waits), ("runs", run("true", name="runs")), ("crashes", crashes)])
         told: dict[str, Any] = {}
-        main.answer_all({**made.asked, "deadline_s": 1.0}, lambda key, said: told.update({key: said}))
+        main.answer_all({**made.request, "deadline_s": 1.0}, lambda key, said: told.update({key: said}))
         over.set()
     assert told.keys() == {"hangs", "waits", "runs", "crashes"}
     with pytest.raises(
@@ -154,7 +154,7 @@ def test_a_question_that_crashes_or_hangs_does_not_lose_the_others(monkeypatch: 
 
 
 def test_nobody_reads_it_any_more() -> None:
-    feed = program(batch([("a", run("true", name="a")), ("b", run("sleep", "600", name="b", within_s=600))]).asked)
+    feed = program(batch([("a", run("true", name="a")), ("b", run("sleep", "600", name="b", within_s=600))]).request)
     reading, writing = os.pipe()
     os.close(reading)
     with subprocess.Popen([sys.executable, "-I", "-c", BOOT], stdin=subprocess.PIPE, stdout=writing) as process:
@@ -173,7 +173,7 @@ def test_who_waits_for_whom_and_how_long_it_takes_at_most() -> None:
         "apart": listen(3, name="apart", connect_s=1, turn="air"),
     }
     made = batch(list(questions.items()))
-    assert {row["key"]: row["after"] for row in made.asked["questions"]} == {
+    assert {row["key"]: row["after"] for row in made.request["questions"]} == {
         "runs": [],
         "a": [],
         "b": [],
@@ -215,4 +215,4 @@ def test_a_question_of_another_place_is_no_question_of_the_program(
 
 def test_questions_are_json() -> None:
     made = batch([("it", listen(9200, say=(probes.Say(b"+++AT?S\n\xff", rb"\r\n\xfe"),), enough=rb"\x00"))])
-    assert json.loads(json.dumps(made.asked)) == made.asked
+    assert json.loads(json.dumps(made.request)) == made.request

@@ -9,7 +9,7 @@ import pytest
 from ear_stand import ENOUGH_S, LOOPBACK, asked, heard_by, listen, served, until_gone
 
 from atlantis_netcfg.checklist.probes import Say, Transcript, Trouble
-from atlantis_netcfg.checklist.probes.agent.streams import no_answer, packed
+from atlantis_netcfg.checklist.probes.agent.streams import encode_bytes, no_answer
 
 HELLO = Say(b"hello\n", rb"\r\n$", ENOUGH_S)
 
@@ -207,5 +207,7 @@ def test_bytes_through_json(data: bytes) -> None:
 
 
 def test_text_stays_text_and_bytes_take_no_more_than_base64() -> None:
-    assert packed(b"$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n") == "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n"
-    assert len(packed(bytes(range(256)))[0]) == 344
+    assert (
+        encode_bytes(b"$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n") == "$GPGGA,101500.00,,,,,0,00,99.99,,,,,,*63\r\n"
+    )
+    assert len(encode_bytes(bytes(range(256)))[0]) == 344

@@ -15,11 +15,11 @@ from atlantis_netcfg.checklist.probes import (
     Cell,
     CommandResult,
     Consent,
-    Judged,
     LinkStatusRequest,
     Listen,
     Place,
     Probe,
+    ProbeResult,
     Question,
     ReflectRequest,
     RouterOsQuery,
@@ -60,12 +60,12 @@ class Fake:
             raise ZeroDivisionError
         return self.questions
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, heard: Mapping[str, Answer]) -> ProbeResult:
         self.heard = dict(heard)
         if self.fault == "judge":
             raise KeyError("nothing of this")
         seen = Evidence(type=EvidenceType.MEASURED, what="it", value="1 m")
-        return Judged(self.findings, (seen,))
+        return ProbeResult(self.findings, (seen,))
 
 
 def entry(name: str, probe: Probe | None, kind: ItemKind = ItemKind.AUTOMATIC, *, is_open: bool = True) -> PlanEntry:
@@ -367,7 +367,7 @@ def test_progress_is_told_item_by_item(tmp_path: Path) -> None:
     kept: list[Item] = []
     entries = [entry("a", Fake()), entry("b", Fake(findings=(BearerFinding(Verdict.FAIL, "bad", "it is bad"),)))]
     examined(entries, Ears(), tmp_path, telling(events.append, 2, kept.append))
-    assert [(one.device, one.stage, one.message, one.done, one.total) for one in events] == [
+    assert [(one.device, one.stage, one.message, one.done_count, one.total) for one in events] == [
         ("coastal/site/a", Stage.DONE, "PASS: all is well", 1, 2),
         ("coastal/site/b", Stage.DONE, "FAIL: it is bad", 2, 2),
     ]

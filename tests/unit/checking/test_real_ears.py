@@ -13,7 +13,7 @@ import pytest
 from waiting import wait_until
 
 from atlantis_netcfg.checklist import plan, probes
-from atlantis_netcfg.checklist.runner import NotReached, RealEars, _gateway_access, _real, ask_here, way_in
+from atlantis_netcfg.checklist.runner import GatewayUnreachable, RealEars, _gateway_access, _real, ask_here, way_in
 from atlantis_netcfg.checklist.runner import cost as _bill
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.core.events import Event, Verdict
@@ -91,7 +91,7 @@ def test_everything_goes_in_one_command(stand: Stand) -> None:
     one = found["one"]
     assert isinstance(one, probes.CommandResult)
     assert (one.trouble, one.rc, one.out) == (None, 0, "it's 100% $HOME\n")
-    assert one.asked <= one.began <= one.heard
+    assert one.request_time <= one.began <= one.response_time
     assert found["tcp"].trouble is probes.Trouble.REFUSED
     assert dict(stand.told) == found
     assert [(one.device, one.stage.value, one.message) for one in stand.events] == [
@@ -208,11 +208,11 @@ def test_a_slow_way_is_waited_for_longer_than_a_gap() -> None:
 
 
 def test_example_values_and_what_is_not_emulated_are_no_place(tmp_path: Path) -> None:
-    with pytest.raises(NotReached, match="the inventory still holds example values"):
+    with pytest.raises(GatewayUnreachable, match="the inventory still holds example values"):
         way_in(SHIPPED, GATEWAY, Request())
-    with pytest.raises(NotReached, match="coastal-gateway is not emulated in this rehearsal"):
+    with pytest.raises(GatewayUnreachable, match="coastal-gateway is not emulated in this rehearsal"):
         way_in(SHIPPED, GATEWAY, Request(rehearsed=True))
-    with pytest.raises(NotReached, match="coastal has no such bearer"):
+    with pytest.raises(GatewayUnreachable, match="coastal has no such bearer"):
         way_in(SHIPPED, GATEWAY, Request(via={"coastal-gateway": "rope"}), "config")
     ears = RealEars(SHIPPED, "coastal", Request(state=tmp_path))
     for place, host in ((probes.Place.ROUTER, None), (probes.Place.ROUTER, "coastal-router")):
@@ -254,7 +254,7 @@ def test_a_stream_is_cut_where_its_estimate_ends() -> None:
     assert isinstance(cut, probes.Listen)
     assert cut.max_bytes == 34_096
     carrier = bearer_of(SHIPPED, GATEWAY, "satellite")
-    assert _bill.expected(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(65_400, 0.03)
+    assert _bill.estimate(SHIPPED, "coastal", carrier, [("it", cut)]).bill.payload_bytes == pytest.approx(65_400, 0.03)
 
 
 def test_what_a_whole_checklist_costs_is_told_before() -> None:
@@ -315,7 +315,7 @@ def proof() -> Proof:
         site="coastal",
         bearer="satellite",
         active=True,
-        judged=((None, seen),),  # type: ignore[arg-type]
+        results=((None, seen),),  # type: ignore[arg-type]
         findings=(),
         bytes_counted=9000,
         budget_bytes=20_000,

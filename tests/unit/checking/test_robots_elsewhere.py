@@ -15,7 +15,7 @@ from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.robots import listening_cost, remote
-from atlantis_netcfg.robots.observation import Observation
+from atlantis_netcfg.robots.observation import RobotObservation
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory")
 QUESTION = RobotsHeardRequest("heard", host="scc-control")
@@ -33,10 +33,10 @@ def places(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, Any]]:
     """What is asked of another computer, which hears nobody."""
     asked: list[tuple[str, float, Any]] = []
 
-    def listen_there(_: object, host: Any, seconds: float, *, sites: Any, request: object) -> Observation:  # noqa: ANN401
+    def listen_there(_: object, host: Any, seconds: float, *, sites: Any, request: object) -> RobotObservation:  # noqa: ANN401
         assert isinstance(request, Request)
         asked.append((host.name, seconds, sites))
-        return Observation(seconds)
+        return RobotObservation(seconds)
 
     monkeypatch.setattr(remote, "listen_there", listen_there)
     return asked

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from atlantis_netcfg.checklist import Book, BookHead, Checklist, Confirmation, PlanEntry, Scope
-from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, Judged, Question, Step
+from atlantis_netcfg.checklist.probes import Answer, Cell, Consent, ProbeResult, Question, Step
 from atlantis_netcfg.checklist.report import Document, Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration
@@ -24,16 +24,16 @@ _KINDS = {
     DHCP: (ItemKind.AUTOMATIC, Phase.BENCH),
     SKIPPED: (ItemKind.AUTOMATIC, Phase.BENCH),
 }
-HEAD = BookHead(rehearsed=False, tool="1.0", inventory="ab" * 32, drawing=Drawing(nodes=(), links=()))
+HEAD = BookHead(is_rehearsal=False, tool="1.0", inventory="ab" * 32, drawing=Drawing(nodes=(), links=()))
 
 
 class Deaf:
     def asks(self) -> tuple[Question, ...]:
         return ()
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, heard: Mapping[str, Answer]) -> ProbeResult:
         assert not heard
-        return Judged(())
+        return ProbeResult(())
 
 
 @dataclass

@@ -7,7 +7,7 @@ import pytest
 from answers_cases import cases, told
 from checklist_bench import DHCP, EVERY, FAILSAFE, NAME, PING, USBL, WIFI, Desk, checklist, found, open_items
 
-from atlantis_netcfg.checklist import Answers, AnswersInvalid, Confirmation, Overriding, SigningRefused
+from atlantis_netcfg.checklist import Answers, AnswersInvalid, ChecklistUsageError, Confirmation, Overriding
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 
@@ -77,15 +77,15 @@ def test_it_is_written_into_a_book(desk: Desk, tmp_path: Path) -> None:
 
 
 def test_consent_to_all_is_to_what_is_not_answered(tmp_path: Path) -> None:
-    assert _read(tmp_path, "name: A\nconsents: {all: in the water}").agreed == {PING: "A: in the water"}
+    assert _read(tmp_path, "name: A\nconsents: {all: in the water}").consent_by_item == {PING: "A: in the water"}
     skipped = "name: A\nconsents: {all: in the water}\nanswers: {sparus/usbl/ping: {verdict: SKIP, note: a diver}}"
-    assert _read(tmp_path, skipped).agreed == {}
-    assert _read(tmp_path, "name: A\nconsents: {all: wet}\nleave: {sparus/usbl/ping: a diver}").agreed == {}
+    assert _read(tmp_path, skipped).consent_by_item == {}
+    assert _read(tmp_path, "name: A\nconsents: {all: wet}\nleave: {sparus/usbl/ping: a diver}").consent_by_item == {}
 
 
 def test_the_file_of_a_whole_site_serves_for_one_vehicle(tmp_path: Path) -> None:
     answers = _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, USBL, DHCP))
-    assert (set(answers.said), set(answers.overrides), set(answers.agreed)) == (set(), {WIFI}, {PING})
+    assert (set(answers.confirmations), set(answers.overrides), set(answers.consent_by_item)) == (set(), {WIFI}, {PING})
     with pytest.raises(AnswersInvalid, match="there is no item `eca-rov/usbl` in this checklist"):
         _read(tmp_path, WHOLE, (WIFI, PING), beyond=(FAILSAFE, DHCP))
 
@@ -116,7 +116,7 @@ def test_it_is_not_green_before_it_is_seen_or_overridden(desk: Desk, tmp_path: P
     with desk.open(ALWAYS) as book:
         assert book.document().exit is ExitCode.CHECKS_FAILED
         for item in ALWAYS:
-            with pytest.raises(SigningRefused, match="applies at every site"):
+            with pytest.raises(ChecklistUsageError, match="applies at every site"):
                 book.confirm(item, Confirmation(Verdict.SKIP, NAME, "no time"))
         answers.write_down(book)
         assert book.document().exit is ExitCode.DONE

@@ -8,7 +8,7 @@ from checklist_bench import EVERY, NAME, Desk, checklist, found, open_items, pag
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from atlantis_netcfg.checklist import Answers, Confirmation, SigningRefused, last_green, verify
+from atlantis_netcfg.checklist import Answers, ChecklistUsageError, Confirmation, last_green, verify
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 
@@ -28,7 +28,7 @@ def _do(desk: Desk, deeds: list[tuple[str, str, Verdict]]) -> None:
                 book.confirm(name, Confirmation(verdict, NAME, "seen so"))
             elif deed == "override":
                 book.override(name, "known", NAME)
-        except SigningRefused:
+        except ChecklistUsageError:
             assert book.items == before
         if deed == "close":
             run, before = book.run, book.items
@@ -73,4 +73,4 @@ def test_any_file_is_read_or_its_errors_are_told(data: object) -> None:
             assert "answers.yml:" in str(error)  # noqa: PT017 - most of them are wrong
             assert "cannot be understood" not in str(error)  # noqa: PT017 - see above
         else:
-            assert all(said.by for said in answers.said.values())
+            assert all(said.by for said in answers.confirmations.values())

@@ -29,11 +29,19 @@ from checklist_bench import (
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from atlantis_netcfg.checklist import Confirmation, NotSigned, Scope, SigningRefused, VehicleState, books, verify
+from atlantis_netcfg.checklist import (
+    ChecklistUsageError,
+    Confirmation,
+    Scope,
+    SigningError,
+    VehicleState,
+    books,
+    verify,
+)
 from atlantis_netcfg.checklist.report import EvidenceType, Phase
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.runs import JournalFailed, SiteBusy
+from atlantis_netcfg.runs import JournalError, SiteBusy
 
 
 @pytest.fixture
@@ -194,7 +202,7 @@ def test_what_cannot_be_said_is_refused_and_not_written(
 ) -> None:
     with desk.open() as book:
         before = (book.folder / "records.jsonl").read_bytes()
-        with pytest.raises(SigningRefused, match="^" + message.replace("(", r"\(")) as told:
+        with pytest.raises(ChecklistUsageError, match="^" + message.replace("(", r"\(")) as told:
             book.confirm(name, said)
         assert told.value.hint
         assert isinstance(told.value, UsageError)
@@ -212,7 +220,7 @@ def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> 
     with desk.open() as book:
         book.settle(found(WIFI, verdict))
         for reason, by in (("", NAME), ("known", " ")):
-            with pytest.raises(SigningRefused, match="is missing"):
+            with pytest.raises(ChecklistUsageError, match="is missing"):
                 book.override(WIFI, reason, by)
         item = book.override(WIFI, "known  and\n accepted", NAME)
     assert item.override is not None
@@ -224,7 +232,7 @@ def test_an_override_needs_a_reason_and_a_name(desk: Desk, verdict: Verdict) -> 
 def test_what_is_green_cannot_be_overridden(desk: Desk, verdict: Verdict) -> None:
     with desk.open() as book:
         book.settle(found(WIFI, verdict))
-        with pytest.raises(SigningRefused, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
+        with pytest.raises(ChecklistUsageError, match=f"`sparus/wifi` is {verdict}: there is nothing to override"):
             book.override(WIFI, "why not", NAME)
 
 
@@ -306,7 +314,7 @@ def test_files_that_are_no_evidence(desk: Desk, tmp_path: Path, make: object, me
     good = tmp_path / "good.jpg"
     good.write_bytes(b"good")
     with desk.open() as book:
-        with pytest.raises(SigningRefused, match=message) as told:
+        with pytest.raises(ChecklistUsageError, match=message) as told:
             book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME, files=(good, tmp_path / "photo.jpg")))
         assert told.value.hint
         assert book.item(FAILSAFE).open
@@ -318,7 +326,7 @@ def test_nothing_open_is_signed_by_oversight(desk: Desk) -> None:
         answer(book)
         book.settle(found(WIFI))
     with desk.open([*EVERY, "mares/gps"]) as book:
-        with pytest.raises(NotSigned, match="1 of 7 items are open: mares/gps") as told:
+        with pytest.raises(SigningError, match="1 of 7 items are open: mares/gps") as told:
             book.sign(NAME, pages)
         assert told.value.exit is ExitCode.CHECKS_FAILED
         assert [path.name for path in book.folder.iterdir()] == ["records.jsonl"]
@@ -334,7 +342,7 @@ def test_what_is_left_open_on_purpose_is_told_and_not_green(desk: Desk) -> None:
             ({PING: " "}, "the reason to leave it open is missing"),
             ({"x": "y"}, "there is no item `x`"),
         ):
-            with pytest.raises(SigningRefused, match=error):
+            with pytest.raises(ChecklistUsageError, match=error):
                 book.sign(NAME, pages, leave=leave)
         document = book.sign(NAME, pages, leave={PING: "the sea is too rough", WIFI: "was not reached before"})
     assert [(one.what, one.why) for one in document.left_out] == [
@@ -362,7 +370,7 @@ def test_a_signed_book_is_closed(desk: Desk) -> None:
             lambda: book.sign(NAME, pages),
             lambda: book.confirm(FAILSAFE, Confirmation(Verdict.PASS, NAME)),
         ):
-            with pytest.raises(SigningRefused, match="this checklist is signed"):
+            with pytest.raises(ChecklistUsageError, match="this checklist is signed"):
                 change()
     assert sorted(path.name for path in book.folder.iterdir()) == [
         "junit.xml",
@@ -379,7 +387,7 @@ def test_a_strangers_file_is_neither_signed_nor_removed(desk: Desk) -> None:
     with desk.open() as book:
         answer(book)
         (book.folder / "holiday.jpg").write_bytes(b"sun")
-        with pytest.raises(NotSigned, match=r"`holiday.jpg` in the folder of the checklist is not of the checklist"):
+        with pytest.raises(SigningError, match=r"`holiday.jpg` in the folder of the checklist is not of the checklist"):
             book.sign(NAME, pages)
         (book.folder / "holiday.jpg").unlink()
         book.sign(NAME, pages)
@@ -405,12 +413,12 @@ def test_a_full_disk_is_told_and_nothing_is_half_written(desk: Desk, monkeypatch
             raise OSError(28, "No space left on device")
 
         monkeypatch.setattr(os, "write", full)
-        with pytest.raises(JournalFailed, match="the checklist cannot be written: No space left on device"):
+        with pytest.raises(JournalError, match="the checklist cannot be written: No space left on device"):
             book.settle(found(DHCP))
         monkeypatch.undo()
         assert (book.folder / "records.jsonl").stat().st_size == size
         assert book.item(DHCP).open
-        with pytest.raises(JournalFailed):
+        with pytest.raises(JournalError):
             book.settle(found(DHCP))
 
 

@@ -13,9 +13,9 @@ from atlantis_netcfg.checklist import (
     AnswersInvalid,
     Book,
     Checklist,
+    ChecklistUsageError,
     Confirmation,
     Scope,
-    SigningRefused,
     plan,
     report,
 )
@@ -23,7 +23,7 @@ from atlantis_netcfg.checklist.probes import CommandResult, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.items import ExpectedLine
 from atlantis_netcfg.checklist.probes.step import Place
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import ChecklistSettings, Role, VehicleChecklist
@@ -88,7 +88,7 @@ def test_a_mission_adds_its_items_and_narrows_nothing(shipped: Declaration) -> N
     assert "no mission was named; with `mission=NAME` its items are asked too: night, inspection" in without.notes
     kinds = {entry.item.id: entry.item.kind for entry in listed.entries}
     assert (kinds[LIGHTS], kinds[LOGGED]) == (ItemKind.PERSON, ItemKind.AUTOMATIC)
-    with pytest.raises(NothingMatched, match="there is no mission `nigth`"):
+    with pytest.raises(NoMatchError, match="there is no mission `nigth`"):
         plan(shipped, "coastal", Scope(mission="nigth"))
 
 
@@ -110,7 +110,7 @@ def test_recovery_is_not_mixed_with_what_comes_before(shipped: Declaration) -> N
     with pytest.raises(UsageError, match="a checklist of their own") as error:
         plan(shipped, "coastal", Scope(phases=(Phase.QUAY, Phase.RECOVERY)))
     assert error.value.hint == "`provision check site=coastal phase=recovery` alone, when the vehicles are back"
-    with pytest.raises(NothingMatched, match="no such item of recovery is declared at coastal"):
+    with pytest.raises(NoMatchError, match="no such item of recovery is declared at coastal"):
         plan(shipped, "coastal", Scope(vehicles=("sparus",), phases=(Phase.RECOVERY,)))
 
 
@@ -166,7 +166,7 @@ def test_a_number_passes_in_its_range_alone(
     with _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
         answer = Confirmation(verdict, NAME, note, value=value)
         if refused is not None:
-            with pytest.raises(SigningRefused) as error:
+            with pytest.raises(ChecklistUsageError) as error:
                 book.confirm(BATTERY, answer)
             assert str(error.value) == f"`{BATTERY}`: {refused}"
             assert book.item(BATTERY).open
@@ -197,7 +197,7 @@ def test_a_range_with_one_end(
         for value in (2.0, 5.0):
             outside = value < low if low is not None else value > (high or 0)
             if outside:
-                with pytest.raises(SigningRefused, match=f"does not pass: a number in bar, {words}"):
+                with pytest.raises(ChecklistUsageError, match=f"does not pass: a number in bar, {words}"):
                     book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value))
             else:
                 assert book.confirm("mares/items/bar", Confirmation(Verdict.PASS, NAME, value=value)).verdict == "PASS"
@@ -208,11 +208,11 @@ def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Declaration
     (tmp_path / "photo.png").write_bytes((ROOT / "tests" / "data" / "answers" / "failsafe.png").read_bytes())
     two = _mares(shipped, {"id": "serial", "evidence": "text"}, {"id": "ring", "evidence": "photo"})
     with _book(plan(two, "coastal", Scope(vehicles=("mares",))), tmp_path) as book:
-        with pytest.raises(SigningRefused, match="a note with what was seen is asked for"):
+        with pytest.raises(ChecklistUsageError, match="a note with what was seen is asked for"):
             book.confirm("mares/items/serial", Confirmation(Verdict.PASS, NAME, "  "))
         assert book.confirm("mares/items/serial", Confirmation(Verdict.PASS, NAME, "no 12")).verdict is Verdict.PASS
         for files in ((), (tmp_path / "list.txt",)):
-            with pytest.raises(SigningRefused, match="a photo is asked for"):
+            with pytest.raises(ChecklistUsageError, match="a photo is asked for"):
                 book.confirm("mares/items/ring", Confirmation(Verdict.PASS, NAME, files=files))
         item = book.confirm("mares/items/ring", Confirmation(Verdict.PASS, NAME, files=(tmp_path / "photo.png",)))
     assert [each.what for each in item.evidence if each.file is not None] == ["photo.png"]
@@ -221,7 +221,7 @@ def test_text_and_photo_are_needed_where_they_are_asked_for(shipped: Declaration
 def test_a_number_where_none_is_asked_for_is_refused(shipped: Declaration, tmp_path: Path) -> None:
     with (
         _book(plan(shipped, "coastal", Scope(vehicles=("mares",))), tmp_path) as book,
-        pytest.raises(SigningRefused, match="no number is asked for here"),
+        pytest.raises(ChecklistUsageError, match="no number is asked for here"),
     ):
         book.confirm(PLUG, Confirmation(Verdict.PASS, NAME, value=3.0))
 
@@ -240,15 +240,15 @@ def test_only_those_who_are_named_answer_override_and_sign(restricted: Checklist
     name = "mares/items/switch"
     assert restricted.entries[0].item.message == "waits for one of B. Pilot, D. Owner"
     with _book(restricted, tmp_path) as book:
-        with pytest.raises(SigningRefused) as error:
+        with pytest.raises(ChecklistUsageError) as error:
             book.confirm(name, Confirmation(Verdict.PASS, NAME))
         assert str(error.value) == f"`{name}`: {NAME} may not answer: the declaration names others"
         assert error.value.hint == "it takes the word of: B. Pilot, D. Owner"
         book.confirm(name, Confirmation(Verdict.FAIL, "b.  pilot", "it does not stop"))
-        with pytest.raises(SigningRefused, match="may not override it"):
+        with pytest.raises(ChecklistUsageError, match="may not override it"):
             book.override(name, "it is late", NAME)
         assert book.override(name, "motors are off at the breaker", "D. Owner").counts is Verdict.WARN
-        with pytest.raises(SigningRefused, match=r"D\. Owner may not sign this checklist"):
+        with pytest.raises(ChecklistUsageError, match=r"D\. Owner may not sign this checklist"):
             book.sign("D. Owner", pages)
         assert book.document().signed is None
         signed = book.sign("C. Officer", pages).signed

@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist import Answers, Checklist, Scope, plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory.model import Column, Endpoints
 
@@ -251,7 +251,7 @@ def test_phases_are_the_whole_together(declaration: Declaration, coastal: Checkl
     ],
 )
 def test_words_that_name_nothing(declaration: Declaration, site: str, scope: Scope, message: str, hint: str) -> None:
-    with pytest.raises(NothingMatched) as error:
+    with pytest.raises(NoMatchError) as error:
         plan(declaration, site, scope)
     assert str(error.value) == message
     assert (error.value.hint or "").startswith(hint)

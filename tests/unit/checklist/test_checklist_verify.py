@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, SigningKeyDamaged, _signing, books, verify, verify_report
-from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parsed, sealed, written
+from atlantis_netcfg.checklist import Confirmation, SigningKeyError, _signing, books, verify, verify_report
+from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parse_json, render_json, sign_data
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.runs import write_atomically
@@ -124,9 +124,9 @@ def test_a_link_in_a_folders_place(signed: Path, tmp_path: Path) -> None:
 
 
 def _edit(path: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    data = parsed(path.read_bytes())
+    data = parse_json(path.read_bytes())
     change(data)
-    path.write_bytes(written(data))
+    path.write_bytes(render_json(data))
 
 
 def _whats(signed: Path, name: str) -> list[str]:
@@ -163,19 +163,19 @@ def test_a_signature_that_was_taken_away(signed: Path) -> None:
 
 def _forge(signed: Path, key: SigningKey) -> None:
     """Polish everything, and sign it anew with another key, as one would who has the tool but not the key."""
-    report = parsed((signed / "report.json").read_bytes())
+    report = parse_json((signed / "report.json").read_bytes())
     report["items"][0]["verdict"] = "PASS"
     block = report["signed"] | {"digest": digest(report), "key": key.fingerprint, "public": key.public}
-    report["signed"] = sealed(block, key)
-    (signed / "report.json").write_bytes(written(report))
-    manifest = parsed((signed / "manifest.json").read_bytes())
+    report["signed"] = sign_data(block, key)
+    (signed / "report.json").write_bytes(render_json(report))
+    manifest = parse_json((signed / "manifest.json").read_bytes())
     data = (signed / "report.json").read_bytes()
     manifest["files"]["report.json"] = {"sha256": sha256(data).hexdigest(), "bytes": len(data)}
-    (signed / "manifest.json").write_bytes(written(sealed(manifest, key)))
+    (signed / "manifest.json").write_bytes(render_json(sign_data(manifest, key)))
 
 
 def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
-    key = SigningKey.made(tmp_path / "other.key")
+    key = SigningKey.load_or_create(tmp_path / "other.key")
     _forge(signed, key)
     unknown = f"this computer does not know the key {key.fingerprint} that has signed it"
     assert _whats(signed, "report.json") == [unknown, "tells other results than the records of the checklist"]
@@ -185,14 +185,14 @@ def test_a_signature_by_another_key(signed: Path, tmp_path: Path) -> None:
 def test_another_computers_checklist(signed: Path, desk: Desk, tmp_path: Path) -> None:
     copy = shutil.copytree(signed, tmp_path / "copy")
     here = tmp_path / "here.key"
-    whose = SigningKey.made(desk.key).fingerprint
-    for key in (None, SigningKey.made(here)):
+    whose = SigningKey.load_or_create(desk.key).fingerprint
+    for key in (None, SigningKey.load_or_create(here)):
         assert [one.what for one in verify(copy, key=here if key else tmp_path / "none.key")] == [
             f"this computer does not know the key {whose} that has signed it"
         ] * 2
-    assert verify(copy, key=here, known=[whose]) == ()
+    assert verify(copy, key=here, required_keys=[whose]) == ()
     for own in (desk.key, here):
-        assert [one.what for one in verify(copy, key=own, known=["SHA256:other"])] == [
+        assert [one.what for one in verify(copy, key=own, required_keys=["SHA256:other"])] == [
             f"the key {whose} has signed it, and another one was asked for"
         ] * 2, "who asks for a key gets no other, not this computer's own either"
     assert verify(copy, key=desk.key) == ()
@@ -227,7 +227,7 @@ def test_what_is_no_report(desk: Desk, data: bytes) -> None:
 
 
 def test_a_report_written_otherwise(signed: Path, desk: Desk) -> None:
-    data = parsed((signed / "report.json").read_bytes())
+    data = parse_json((signed / "report.json").read_bytes())
     (trouble,) = verify_report(json.dumps(data).encode(), key=desk.key)
     assert trouble.what == "says what was signed, but not byte for byte as it was written"
     twice = (signed / "report.json").read_bytes().replace(b'"site":', b'"run": "other",\n "site":', 1)
@@ -252,20 +252,20 @@ def test_the_key_is_made_once_and_private(desk: Desk) -> None:
 
 
 def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    other, path = SigningKey.made(tmp_path / "other"), tmp_path / "checklist.key"
+    other, path = SigningKey.load_or_create(tmp_path / "other"), tmp_path / "checklist.key"
 
     def outrun(own: Path, data: bytes, *, replace: bool) -> None:
         write_atomically(path, (tmp_path / "other").read_bytes())
         write_atomically(own, data, replace=replace)
 
     monkeypatch.setattr(_signing, "write_atomically", outrun)
-    assert SigningKey.made(path).fingerprint == other.fingerprint
+    assert SigningKey.load_or_create(path).fingerprint == other.fingerprint
     assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 
 
 def test_a_key_that_others_can_read(signed: Path, desk: Desk) -> None:
     desk.key.chmod(0o644)
-    with pytest.raises(SigningKeyDamaged, match="other users of this computer can read the key") as error:
+    with pytest.raises(SigningKeyError, match="other users of this computer can read the key") as error:
         verify(signed)
     assert (error.value.hint or "").startswith("chmod 600 ")
 
@@ -276,7 +276,7 @@ def test_a_key_that_is_none(desk: Desk) -> None:
     desk.key.chmod(0o600)
     with desk.open([WIFI]) as book:
         answer(book)
-        with pytest.raises(SigningKeyDamaged, match="the key for signing cannot be read"):
+        with pytest.raises(SigningKeyError, match="the key for signing cannot be read"):
             book.sign(NAME, pages)
         assert not (book.folder / "manifest.json").exists()
 
@@ -288,13 +288,13 @@ def test_the_canonical_form_is_one() -> None:
 def test_a_document_of_before_time_zones_verifies_as_it_did(signed: Path) -> None:
     """It was signed without the field, which has a value of its own once it is read."""
     path, secret = signed / "report.json", signed.parents[3] / "checklist.key"
-    key = SigningKey.known(secret)
+    key = SigningKey.load(secret)
     assert key is not None
-    data = parsed(path.read_bytes())
+    data = parse_json(path.read_bytes())
     del data["time_zone"]
-    data["signed"] = sealed(data["signed"] | {"digest": digest(data)}, key)
-    old = written(data)
+    data["signed"] = sign_data(data["signed"] | {"digest": digest(data)}, key)
+    old = render_json(data)
     assert verify_report(old, key=secret) == ()
     assert Document.model_validate_json(old).time_zone == ""
     data["title"] = "another"
-    assert verify_report(written(data), key=secret) != ()
+    assert verify_report(render_json(data), key=secret) != ()

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from checklist_bench import HEAD, NAME, Clock
 
-from atlantis_netcfg.checklist import Book, Checklist, Confirmation, Scope, SigningRefused, books, plan
+from atlantis_netcfg.checklist import Book, Checklist, ChecklistUsageError, Confirmation, Scope, books, plan
 from atlantis_netcfg.checklist.report import Document, ItemKind, Phase, lines, pages
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import VehicleChecklist
@@ -79,7 +79,7 @@ def test_it_is_asked_for_alone_and_of_one_robot(declaration: Declaration, scope:
 def test_a_robot_without_a_file_has_none(declaration: Declaration, tmp_path: Path) -> None:
     inventory = Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
     (inventory / "robots" / "sparus.yml").unlink()
-    with pytest.raises(NothingMatched) as error:
+    with pytest.raises(NoMatchError) as error:
         record_of(load(inventory), "sparus")
     assert str(error.value) == "`sparus` has no robot's file, and so no integration record"
     assert record_of(declaration, "sparus").entries
@@ -152,7 +152,7 @@ def test_it_is_signed_by_itself_and_has_a_page_of_its_own(sparus: Checklist, tmp
         for entry in sparus.entries:
             if entry.item.kind is ItemKind.AUTOMATIC:
                 book.settle(entry.item.model_copy(update={"verdict": Verdict.PASS, "message": "heard"}))
-        with pytest.raises(SigningRefused, match="a note with what was seen is asked for"):
+        with pytest.raises(ChecklistUsageError, match="a note with what was seen is asked for"):
             book.confirm("sparus/integration/plan", Confirmation(Verdict.PASS, NAME))
         for name in PEOPLE:
             bridge = name == "ros1-bridge"

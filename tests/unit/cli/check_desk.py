@@ -11,17 +11,17 @@ from atlantis_netcfg.checklist.probes import (
     Answer,
     Cell,
     Consent,
-    Judged,
     Listen,
     Place,
     Probe,
+    ProbeResult,
     Question,
     Step,
     Transcript,
 )
 from atlantis_netcfg.checklist.report import Drawing, Item, ItemKind, Phase, Row
 from atlantis_netcfg.checklist.runner import OnAnswer
-from atlantis_netcfg.cli.checklist.workflow import CheckWorkflow, Listening, Price, Prompt, shown
+from atlantis_netcfg.cli.checklist.workflow import CheckWorkflow, Listening, Price, Prompt, render_item
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load
@@ -44,11 +44,11 @@ class Heartbeat(Probe):
     def asks(self) -> tuple[Question, ...]:
         return (Listen("words", Place.LAPTOP, "tcp", "10.64.1.22", self.port),)
 
-    def judge(self, heard: Mapping[str, Answer]) -> Judged:
+    def judge(self, heard: Mapping[str, Answer]) -> ProbeResult:
         answer = heard["words"]
         assert isinstance(answer, Transcript)
         verdict, _, message = answer.data.decode().partition(" ")
-        return Judged((BearerFinding(Verdict(verdict), "heard", message, f"hint of {message}"),))
+        return ProbeResult((BearerFinding(Verdict(verdict), "heard", message, f"hint of {message}"),))
 
 
 @dataclass
@@ -147,7 +147,7 @@ class Sitting:
 
     def book(self) -> Book:
         head = BookHead(
-            rehearsed=self.folder.parent.name != "real",
+            is_rehearsal=self.folder.parent.name != "real",
             tool="0",
             inventory="0" * 64,
             drawing=Drawing(nodes=(), links=()),
@@ -157,7 +157,7 @@ class Sitting:
     def turn(self, book: Book) -> CheckWorkflow:
         ears = Listening(self.ears, self.ears)
         return CheckWorkflow(
-            book, self.entries, ears, lambda item: self.desk.say(shown(item)), self.price, self.at_once
+            book, self.entries, ears, lambda item: self.desk.say(render_item(item)), self.price, self.at_once
         )
 
     def sit(self) -> tuple[Item, ...]:

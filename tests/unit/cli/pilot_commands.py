@@ -13,7 +13,7 @@ RUN = CommandSpec(
     "run",
     "change a site",
     words=(
-        Word("site", "the site to change", required=True, example="coastal"),
+        Word("site", "the site to change", is_required=True, example="coastal"),
         Word("only", "these devices only", many=True, example="router"),
         Word("bearer", "the link in use", choices=("ptp", "lte", "satellite")),
     ),
@@ -27,7 +27,7 @@ RUN = CommandSpec(
     changes=True,
 )
 SHOW = CommandSpec("show", "show a site", words=(Word("site", "the site to show"),), flags=(JSON,))
-ONBOARD = CommandSpec("vpn onboard", "let a partner in", words=(Word("partner", "the partner", required=True),))
+ONBOARD = CommandSpec("vpn onboard", "let a partner in", words=(Word("partner", "the partner", is_required=True),))
 
 
 class Table(dict[str, str]):

@@ -9,7 +9,7 @@ from check_desk import LAMP, PING, RADIO, Sitting, checklist
 from atlantis_netcfg.checklist import Answers, PlanEntry
 from atlantis_netcfg.checklist.report import Item
 from atlantis_netcfg.cli.checklist.workflow import Price
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.links.cost import CostRefusal
 
 WELL = "PASS hears the boat"
 ANSWERS = """\
@@ -75,7 +75,7 @@ def _due(_entry: PlanEntry) -> Price:
 
 
 def _capped(_entry: PlanEntry) -> Price:
-    raise CostRefused("more than the cap")
+    raise CostRefusal("more than the cap")
 
 
 @pytest.mark.parametrize("price", [_due, _capped])

@@ -11,11 +11,11 @@ from PIL import Image
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAborted, doubt_of_name
+from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAbort, doubt_of_name
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import EvidenceKind
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.links.cost import CostRefusal
 
 WELL = "PASS hears the boat"
 
@@ -129,7 +129,7 @@ def test_later_at_any_question_leaves_the_rest_open(kept: int, tmp_path: Path) -
     typed = ["yes", "", "N", "", "yes"]
     words = {"sparus/wifi": [WELL], "sparus/usbl/ping": ["PASS answers"]}
     sitting = Sitting(tmp_path, [*typed[:kept], "later"], words=words)
-    with pytest.raises(PromptAborted):
+    with pytest.raises(PromptAbort):
         sitting.sit()
     with sitting.book() as book:
         assert [item.open for item in book.items] == [False, kept < 4, True]
@@ -207,7 +207,7 @@ def test_money_is_asked_for_beside_the_word(tmp_path: Path) -> None:
 
 def test_more_than_is_admitted_is_not_even_asked(tmp_path: Path) -> None:
     def refuse(_entry: PlanEntry) -> Price:
-        raise CostRefused("more than the cap", hint="raise it")
+        raise CostRefusal("more than the cap", hint="raise it")
 
     sitting = Sitting(tmp_path, ["open"], (PING,), price=refuse)
     assert [item.open for item in sitting.sit()] == [True]
@@ -246,7 +246,7 @@ def test_the_end_of_the_input_is_later() -> None:
     def ended(_question: str) -> str:
         raise EOFError
 
-    with pytest.raises(PromptAborted):
+    with pytest.raises(PromptAbort):
         Prompt(ended).ask("Anybody?")
 
 

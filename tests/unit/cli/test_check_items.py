@@ -9,7 +9,7 @@ from check_desk import LAMP, Sitting, entry, pilot
 from atlantis_netcfg.checklist import PlanEntry, Scope, plan
 from atlantis_netcfg.checklist.probes.step import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
-from atlantis_netcfg.cli.checklist.workflow import PromptAborted
+from atlantis_netcfg.cli.checklist.workflow import PromptAbort
 from atlantis_netcfg.core import language
 from atlantis_netcfg.inventory.model import EvidenceKind
 
@@ -49,7 +49,7 @@ def test_text_and_photo_are_asked_for_until_they_are_given(tmp_path: Path) -> No
     serial, ring = item(EvidenceRequest(EvidenceKind.TEXT)), item(EvidenceRequest(EvidenceKind.PHOTO), name="a/items/b")
     typed = ["yes", "", "no 12", "A. Technician", "", "yes", "", "", "later"]
     sitting = Sitting(tmp_path, typed, (serial, ring))
-    with pytest.raises(PromptAborted):
+    with pytest.raises(PromptAbort):
         sitting.sit()
     with sitting.book() as book:
         assert [(each.id, each.open) for each in book.items] == [("mares/items/battery", False), ("a/items/b", True)]

@@ -10,8 +10,8 @@ from checklist_marks import marked, rest_of, without_marks
 
 from atlantis_netcfg.checklist import PlanEntry
 from atlantis_netcfg.cli.checklist.check_run import greet
-from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAborted
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAbort
+from atlantis_netcfg.links.cost import CostRefusal
 
 WORDS = {"sparus/wifi": ["FAIL silent", "FAIL silent"], "sparus/usbl/ping": ["PASS answers"]}
 VALUES = """
@@ -27,7 +27,7 @@ def paying(_entry: PlanEntry) -> Price:
 
 
 def refusing(_entry: PlanEntry) -> Price:
-    raise CostRefused("more than the cap", hint="raise it")
+    raise CostRefusal("more than the cap", hint="raise it")
 
 
 SITTINGS = [
@@ -48,7 +48,7 @@ def test_every_line_and_question_is_translated_once(
     sitting.price = price  # type: ignore[assignment] # one of the two above
     with marked(monkeypatch), sitting.book() as book:
         greet(sitting.desk, book)
-        with suppress(PromptAborted):
+        with suppress(PromptAbort):
             sitting.turn(book).with_a_person(sitting.desk)
     assert len(sitting.said) > 15
     rest = [line for line in sitting.said if rest_of(without_marks(line), VALUES)]

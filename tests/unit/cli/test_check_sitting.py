@@ -16,12 +16,12 @@ from atlantis_netcfg.checklist import plan, report
 from atlantis_netcfg.checklist.probes import Answer, Place, Question
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.runner import OnAnswer
-from atlantis_netcfg.checklist.runner.results import unanswered
+from atlantis_netcfg.checklist.runner.results import trouble_answer
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base import session
 from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.checklist import CHECK, check_run
-from atlantis_netcfg.cli.checklist.check_run import CheckStopped, run_check
+from atlantis_netcfg.cli.checklist.check_run import CheckInterrupt, run_check
 from atlantis_netcfg.cli.checklist.workflow import Listening, Prompt, price_of
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class NobodyThere:
         heard: OnAnswer,  # noqa: ARG002 - of the protocol
     ) -> Mapping[str, Answer]:
         self.asked += [key for key, _ in questions]
-        return {key: unanswered(question, "nobody is there") for key, question in questions}
+        return {key: trouble_answer(question, "nobody is there") for key, question in questions}
 
 
 class Twins:
@@ -209,7 +209,7 @@ def test_later_at_the_signature_is_no(capsys: pytest.CaptureFixture[str]) -> Non
 @pytest.mark.parametrize("kept", range(7))
 def test_after_ctrl_c_it_goes_on(kept: int) -> None:
     typed = ["override", "spare cable", "N", "yes", "heard", "", "yes"]
-    with pytest.raises(CheckStopped) as stopped:
+    with pytest.raises(CheckInterrupt) as stopped:
         at_desk(*typed[:kept], "^C")
     assert (stopped.value.exit, str(stopped.value)) == (
         4,
@@ -230,7 +230,7 @@ def test_a_proof_over_the_satellite_has_its_price_in_money() -> None:
     ]
     for words, rehearsed, due in rows:
         opened = SimpleNamespace(
-            declaration=pilot(), site="coastal", rehearsed=rehearsed, arguments=parse(CHECK, words)
+            declaration=pilot(), site="coastal", is_rehearsal=rehearsed, arguments=parse(CHECK, words)
         )
         price = price_of(cast("CommandSession", opened), entry)
         assert price is not None

@@ -13,7 +13,7 @@ from row_subtests import for_each_row
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base.commands import COMMANDS
 from atlantis_netcfg.cli.shell._suggestions import candidates
-from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs import RunStart, Store
 
 PROGRAM = (sys.executable, "-P", "-m", "atlantis_netcfg")
 COASTAL = ["coastal-router", "coastal-cpe", "coastal-4g", "coastal-sat", "coastal-gateway"]
@@ -83,7 +83,7 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     names = []
     for site in ("coastal", "coastal", "scc"):
-        started = RunStarted(site=site, revision="", tool="", hosts=(), rehearsed=False, command="provision")
+        started = RunStart(site=site, revision="", tool="", hosts=(), rehearsed=False, command="provision")
         with Store(tmp_path / "state").start(started) as journal:
             names.append(journal.run)
     return names

@@ -19,7 +19,7 @@ from waiting import HANG_S
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base.arguments import Arguments
 from atlantis_netcfg.cli.base.output import _reminder, progress
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NothingMatched, OutcomeUnknown, UsageError
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NoMatchError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 
 LINE = ["site=coastal"]
@@ -37,7 +37,7 @@ def test_the_exit_code_is_the_commands(code: ExitCode, monkeypatch: pytest.Monke
     assert main(LINE, table=Table(monkeypatch, lambda _arguments: code)) == code
 
 
-@pytest.mark.parametrize("error", [UsageError, NothingMatched, DeviceFailed, OutcomeUnknown])
+@pytest.mark.parametrize("error", [UsageError, NoMatchError, DeviceError, OutcomeUnknown])
 def test_an_error_of_ours_is_told_with_its_hint(
     error: type[UsageError], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -47,7 +47,7 @@ def test_an_error_of_ours_is_told_with_its_hint(
 
 
 def test_an_error_without_hint_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    main(LINE, table=Table(monkeypatch, raising(DeviceFailed("refused"))))
+    main(LINE, table=Table(monkeypatch, raising(DeviceError("refused"))))
     assert capsys.readouterr().err == "error: refused\n"
 
 

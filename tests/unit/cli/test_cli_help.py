@@ -75,11 +75,11 @@ def test_help_breaks_no_word_and_leaves_none_out(name: str, capsys: pytest.Captu
     command = load(name, COMMANDS).command
     assert f"provision {name}: {command.summary} Usage:" in said
     for word in command.words:
-        assert f" {word.shown} {word.help}" in said
-        assert f"{word.shown}]" in said or word.required
+        assert f" {word.usage} {word.help}" in said
+        assert f"{word.usage}]" in said or word.is_required
         assert all(choice in said for choice in word.choices)
     for flag in (*command.flags, *FRAME):
-        assert f" {flag.shown} {flag.help}" in said
+        assert f" {flag.usage} {flag.help}" in said
     assert said.endswith(" ".join(command.details.split()))
 
 

@@ -42,9 +42,9 @@ def test_man_shows_everything_in_eighty_columns(page: str) -> None:
         shown_as = "site=NAME" if name == DEFAULT else name
         assert f" provision {shown_as} {command.summary} " in text
         for word in command.words:
-            assert f" {word.shown} {word.help}" in text
+            assert f" {word.usage} {word.help}" in text
         for flag in (*command.flags, *FRAME):
-            assert f" {flag.shown} {flag.help}" in text
+            assert f" {flag.usage} {flag.help}" in text
         assert " ".join(command.details.split()) in text
     for code, meaning in MEANING.items():
         assert f" {int(code)} {meaning}" in text

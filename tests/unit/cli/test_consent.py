@@ -4,11 +4,19 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from atlantis_netcfg.cli.base.consent import Declined, agreed, pays, removes, shown_word, whole_word, yes_or_no
+from atlantis_netcfg.cli.base.consent import (
+    ConsentRefusal,
+    pays,
+    removes,
+    require_agreement,
+    shown_word,
+    whole_word,
+    yes_or_no,
+)
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import Language
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.links.cost import CostRefusal
 
 
 class Typist:
@@ -128,23 +136,23 @@ def terminal(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
 
 def test_devices_change_by_the_whole_word_alone(terminal: Callable[[str], None]) -> None:
     terminal("yes")
-    agreed("Change it now?")
+    require_agreement("Change it now?")
     for word in ("y", "no", "pay", ""):
         terminal(word)
-        with pytest.raises(Declined, match="not agreed, so nothing was changed"):
-            agreed("Change it now?")
+        with pytest.raises(ConsentRefusal, match="not agreed, so nothing was changed"):
+            require_agreement("Change it now?")
 
 
 def test_money_and_rows_have_words_of_their_own(terminal: Callable[[str], None]) -> None:
     terminal("pay")
     pays(["over satellite: 1 EUR"], ask=True)
-    with pytest.raises(Declined):
+    with pytest.raises(ConsentRefusal):
         removes(["3 rows of others"], ask=True)
     terminal("remove")
     removes(["3 rows of others"], ask=True)
     for typed, ask in (("remove", True), ("pay", False)):
         terminal(typed)
-        with pytest.raises(CostRefused):
+        with pytest.raises(CostRefusal):
             pays(["over satellite: 1 EUR"], ask=ask)
 
 
@@ -156,11 +164,11 @@ def test_ctrl_c_at_a_question_stops_before_anything_is_changed(
 
     terminal("")
     monkeypatch.setattr("builtins.input", stopped)
-    with pytest.raises(Declined, match="stopped by Ctrl-C at the question, so nothing was changed"):
-        agreed("Change it now?")
+    with pytest.raises(ConsentRefusal, match="stopped by Ctrl-C at the question, so nothing was changed"):
+        require_agreement("Change it now?")
 
 
 def test_with_nobody_there_nobody_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: False, raising=False)
     with pytest.raises(UsageError, match="nobody is here"):
-        agreed("Change it now?")
+        require_agreement("Change it now?")

@@ -12,7 +12,7 @@ from check_desk import RADIO, Sitting
 from hints_said import advised, said
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist._signing import written
+from atlantis_netcfg.checklist._signing import render_json
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base import commands, session
 from atlantis_netcfg.cli.base.commands import COMMANDS
@@ -20,7 +20,7 @@ from atlantis_netcfg.cli.checklist import check_run
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, worst
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.runs import RunStarted, Store
+from atlantis_netcfg.runs import RunStart, Store
 from atlantis_netcfg.runs.report.run import RunReport
 
 ROOT = checkout() / "inventory"
@@ -66,7 +66,7 @@ def not_signed(at: Place) -> str:
     """A report whose signature somebody has left away."""
     document = json.loads((kept(at, sign=True) / "report.json").read_bytes())
     file = at.folder / "report.json"
-    file.write_bytes(written({**document, "signed": None}))
+    file.write_bytes(render_json({**document, "signed": None}))
     return at.type("report", "verify", f"file={file}", code=6)
 
 
@@ -99,7 +99,7 @@ def stopped_at_the_end(at: Place) -> str:
     def stop(*_: object) -> ExitCode:
         raise KeyboardInterrupt
 
-    started = RunStarted(
+    started = RunStart(
         site="coastal", revision="1", tool="1", hosts=("coastal-router",), rehearsed=False, command="provision"
     )
     with Store(at.state).start(started):
@@ -226,7 +226,7 @@ def test_example_values_are_rehearsed(capsys: pytest.CaptureFixture[str], monkey
     assert main([*words]) == 7
     (opened,) = seen
     assert isinstance(opened, session.CommandSession)
-    assert (opened.site, opened.rehearsed) == (words[0].partition("=")[2], True)
+    assert (opened.site, opened.is_rehearsal) == (words[0].partition("=")[2], True)
 
 
 @contextmanager
@@ -252,7 +252,7 @@ def test_a_stopped_command_that_is_no_run_is_typed_again(name: str, at: Place) -
 
     at.monkeypatch.setattr(COMMANDS[name].replace(":", ".run_"), stop)
     words = commands.load(name, COMMANDS).command.words
-    printed = at.type(*name.split(), *(word.typed for word in words if word.required), code=5)
+    printed = at.type(*name.split(), *(word.hint for word in words if word.is_required), code=5)
     assert "type the same again" in printed
     assert not any("resume" in words for words in advised(printed))
 
@@ -288,5 +288,5 @@ def test_what_a_look_has_found_wrong_keeps_no_other_device_from_being_changed(
     asks: bool,  # noqa: FBT001 - a case
 ) -> None:
     devices = {f"d{place}": {"exit": code} for place, code in enumerate(codes)}
-    planned = RunReport("coastal", rehearsed=False, devices=devices)
+    planned = RunReport("coastal", is_rehearsal=False, devices=devices)
     assert (worst(session.CommandSession._plannable(planned)) is ExitCode.CHANGES) == asks

@@ -16,9 +16,9 @@ from atlantis_netcfg.cli import main, media
 from atlantis_netcfg.cli.base.arguments import Arguments
 from atlantis_netcfg.cli.base.output import progress
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.core.errors import DeviceError, ExitCode
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.core.printable import Style, Styled
+from atlantis_netcfg.core.printable import Style, StyledText
 
 EVERY = "".join(map(chr, range(0x3000))) + "\ud83e\udd16\ufeff\ufff9\U000e0041"
 
@@ -39,8 +39,8 @@ def test_what_is_printable_stays() -> None:
 
 def test_data_is_cleaned_to_its_leaves() -> None:
     told = {"a": ["\x1b", {"b": ("\u202e", 1, None)}], "c": True}
-    assert printable.cleaned(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
-    assert printable.cleaned({"\x1b\n": {"\u202e": 1}}) == {"\\u001b\\u000a": {"\\u202e": 1}}
+    assert printable.clean(told) == {"a": ["\\u001b", {"b": ["\\u202e", 1, None]}], "c": True}
+    assert printable.clean({"\x1b\n": {"\u202e": 1}}) == {"\\u001b\\u000a": {"\\u202e": 1}}
 
 
 @pytest.mark.parametrize("stream", ["stdout", "stderr"])
@@ -64,7 +64,7 @@ def test_an_error_with_a_devices_words_is_told_in_lines_of_ours(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def act(_arguments: Arguments) -> ExitCode:
-        raise DeviceFailed(f"refused: {HOSTILE}", hint=HOSTILE)
+        raise DeviceError(f"refused: {HOSTILE}", hint=HOSTILE)
 
     assert main(["site=coastal"], table=Table(monkeypatch, act)) == ExitCode.FAILED
     text = capsys.readouterr().err
@@ -82,8 +82,8 @@ def test_a_question_shows_what_a_card_calls_itself(monkeypatch: pytest.MonkeyPat
     asked: list[str] = []
     monkeypatch.setattr("builtins.input", partial(_noted, asked))
     monkeypatch.setattr("sys.stdin", Screen())
-    card: Any = SimpleNamespace(shown=SimpleNamespace(serial=HOSTILE, proof=HOSTILE))
-    assert media._typed(card) == "no"
+    card: Any = SimpleNamespace(disk=SimpleNamespace(serial=HOSTILE, proof=HOSTILE))
+    assert media._ask_serial(card) == "no"
     assert "evil" in asked[0]
     assert control_characters(asked[0]) == []
 
@@ -109,19 +109,19 @@ def test_progress_shows_a_devices_words(out: type[io.StringIO]) -> None:
 
 
 def test_a_line_is_broken_between_words_and_loses_none() -> None:
-    row = ("  coastal-router     ", Styled("applied and verified by a rather long sentence", Style.GOOD), " (1 s)")
-    assert printable.wrapped(row, 0, 21) == [row]
+    row = ("  coastal-router     ", StyledText("applied and verified by a rather long sentence", Style.GOOD), " (1 s)")
+    assert printable.wrap_row(row, 0, 21) == [row]
     for width in range(30, 90):
-        lines = [printable.plain(line) for line in printable.wrapped(row, width, 21)]
+        lines = [printable.plain(line) for line in printable.wrap_row(row, width, 21)]
         assert " ".join(" ".join(lines).split()) == " ".join(printable.plain(row).split())
         assert all(len(line) <= width and line == line.rstrip() for line in lines)
         assert all(line.startswith(" " * 21) for line in lines[1:])
-    pieces = [piece for line in printable.wrapped(row, 40, 21) if isinstance(line, tuple) for piece in line]
-    assert {piece.style for piece in pieces if isinstance(piece, Styled)} == {Style.GOOD}
+    pieces = [piece for line in printable.wrap_row(row, 40, 21) if isinstance(line, tuple) for piece in line]
+    assert {piece.style for piece in pieces if isinstance(piece, StyledText)} == {Style.GOOD}
 
 
 def test_a_word_that_is_longer_than_the_line_stays_whole() -> None:
-    (first, second) = printable.wrapped("see ~/.local/state/atlantis/real/coastal/runs", 20, 2)
+    (first, second) = printable.wrap_row("see ~/.local/state/atlantis/real/coastal/runs", 20, 2)
     assert [printable.plain(line) for line in (first, second)] == ["see", "  ~/.local/state/atlantis/real/coastal/runs"]
 
 
@@ -149,7 +149,7 @@ def test_colours_are_for_terminals_that_show_them(
     monkeypatch.delenv("TERM", raising=False)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
-    rows: list[printable.Row] = [(Styled("[OK]", Style.GOOD), " done \x1b[31m"), Styled("a\x1b[0m", Style.BAD)]
+    rows: list[printable.Row] = [(StyledText("[OK]", Style.GOOD), " done \x1b[31m"), StyledText("a\x1b[0m", Style.BAD)]
     for out, shown in ((ColourScreen(), coloured), (io.StringIO(), False)):
         printable.show(rows, out)
         start, end = ("\x1b[32m", "\x1b[0m") if shown else ("", "")

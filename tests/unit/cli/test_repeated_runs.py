@@ -6,12 +6,12 @@ import pytest
 
 from atlantis_netcfg.cli.base.output import as_typed
 from atlantis_netcfg.cli.recovery.resume import _refuse_others, _refuse_settled
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
-from atlantis_netcfg.runs import Outcome, Purpose, Run, RunResumed, RunStarted, Store
+from atlantis_netcfg.core.errors import NoMatchError, UsageError
+from atlantis_netcfg.runs import Outcome, Purpose, Run, RunResume, RunStart, Store
 
 
 def broken(state: Path, command: str, purpose: Purpose) -> Run:
-    started = RunStarted(
+    started = RunStart(
         site="quay", revision="", tool="", hosts=("router",), rehearsed=False, command=command, purpose=purpose
     )
     with Store(state).start(started) as journal:
@@ -46,20 +46,20 @@ def test_what_a_rehearsal_advises_is_a_rehearsal() -> None:
 def test_a_run_of_the_engine_goes_on(tmp_path: Path) -> None:
     run = broken(tmp_path, "provision site=quay", Purpose.CONFIGURE)
     _refuse_others(run)
-    assert run.unsettled == ("router",)
+    assert run.unsettled_devices == ("router",)
 
 
 def test_a_backup_leaves_nothing_to_go_on_with(tmp_path: Path) -> None:
-    assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled == ()
+    assert broken(tmp_path, "provision backup site=quay", Purpose.BACKUP).unsettled_devices == ()
 
 
 def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None:
     """Stopped before the last device's turn came: nothing is open, and not everything is done."""
     run = broken(tmp_path, "provision site=quay --yes", Purpose.CONFIGURE)
     _refuse_settled(run)
-    with Store(tmp_path).resume("quay", run.id, RunResumed(revision="", tool="", command="")) as journal:
+    with Store(tmp_path).resume("quay", run.id, RunResume(revision="", tool="", command="")) as journal:
         journal.write(Outcome(device="router", status="left-as-found", exit=4, message="stopped by hand"))
-    with pytest.raises(NothingMatched, match="has left nothing open") as refused:
+    with pytest.raises(NoMatchError, match="has left nothing open") as refused:
         _refuse_settled(Store(tmp_path).run("quay", run.id))
     assert "type its command again:  provision site=quay --yes" in (refused.value.hint or "")
 
@@ -67,10 +67,10 @@ def test_a_run_that_has_left_nothing_open_is_typed_again(tmp_path: Path) -> None
 def test_resume_goes_on_with_every_device_that_is_not_done(tmp_path: Path) -> None:
     """Seed 209 of the campaign: `resume` was green, and the devices whose turn had not come were as before."""
     hosts = ("open", "never reached", "taken back", "done")
-    started = RunStarted(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")
+    started = RunStart(site="quay", revision="", tool="", hosts=hosts, rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:
         for device, status in zip(hosts[1:], ("left-as-found", "rolled-back", "changed"), strict=True):
             journal.write(Outcome(device=device, status=status, exit=4, message=""))
     run = Store(tmp_path).run("quay", journal.run)
-    assert run.unsettled == ("open",)
+    assert run.unsettled_devices == ("open",)
     assert run.undone == ("open", "never reached", "taken back")

@@ -7,7 +7,7 @@ from desk import Desk, DeskLine
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.console.terminal import open_serial
-from atlantis_netcfg.routeros.console.types import ConsoleUnreachable, LoginFailed
+from atlantis_netcfg.routeros.console.types import ConsoleLoginError, ConsoleUnreachable
 
 WORD = "sticker"
 
@@ -26,7 +26,7 @@ def test_a_login_and_a_command() -> None:
 def test_a_wrong_password() -> None:
     desk = Desk(password=WORD, logged_in=False)
     desk.begin()
-    with DeskLine(desk) as path, pytest.raises(LoginFailed, match="did not accept the user name and password"):
+    with DeskLine(desk) as path, pytest.raises(ConsoleLoginError, match="did not accept the user name and password"):
         open_serial(path, "admin", Secret("guess"), timeout_s=10)
 
 

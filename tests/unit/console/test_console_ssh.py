@@ -13,10 +13,10 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator.routeros import RouterSpec, RunningSite, SiteSpec, TwinSpec, User
 from atlantis_netcfg.routeros.console.ssh import open_ssh, upload
 from atlantis_netcfg.routeros.console.types import (
+    ConsoleLoginError,
     ConsoleLost,
     ConsoleUnreachable,
-    HostKeyChanged,
-    LoginFailed,
+    HostKeyMismatch,
     UnknownHostKey,
 )
 
@@ -44,9 +44,9 @@ def test_no_password_for_a_stranger(site: RunningSite) -> None:
     with pytest.raises(UnknownHostKey) as unknown:
         open_ssh(host, port, "provision", WORD, pin=None, timeout_s=10)
     assert unknown.value.fingerprint == key
-    with pytest.raises(HostKeyChanged) as changed:
+    with pytest.raises(HostKeyMismatch) as changed:
         open_ssh(host, port, "provision", WORD, pin="SHA256:another", timeout_s=10)
-    assert (changed.value.pinned, changed.value.seen) == ("SHA256:another", key)
+    assert (changed.value.pinned_key, changed.value.actual_key) == ("SHA256:another", key)
     assert logins(site) == 0
 
 
@@ -83,7 +83,7 @@ def test_a_closed_session_undoes_safe_mode(site: RunningSite) -> None:
 
 def test_a_wrong_password(site: RunningSite) -> None:
     host, port, key = where(site)
-    with pytest.raises(LoginFailed) as failed:
+    with pytest.raises(ConsoleLoginError) as failed:
         open_ssh(host, port, "provision", Secret("guess"), pin=key, timeout_s=10)
     assert "guess" not in str(failed.value)
 

@@ -5,7 +5,7 @@ from desk import ERROR, Desk, DeskWire
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros.console.terminal import Terminal
-from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleRefused, LoginFailed, SafeModeHeld
+from atlantis_netcfg.routeros.console.types import ConsoleCommandError, ConsoleLoginError, ConsoleLost, SafeModeHeld
 
 PIECES = pytest.mark.parametrize("piece", [1, 7, 65536])
 
@@ -34,7 +34,7 @@ def test_a_command_may_print_nothing(piece: int) -> None:
 @PIECES
 def test_a_refusal_is_told_in_the_devices_words(piece: int) -> None:
     console, _ = opened(Desk({"/ip address add": f"{ERROR}failure: already have such address"}), piece)
-    with pytest.raises(ConsoleRefused) as refused:
+    with pytest.raises(ConsoleCommandError) as refused:
         console.run("/ip address add", timeout_s=5)
     assert refused.value.words == "failure: already have such address"
     assert str(refused.value) == "router: the device refused a command: failure: already have such address"
@@ -43,14 +43,14 @@ def test_a_refusal_is_told_in_the_devices_words(piece: int) -> None:
 def test_an_echo_is_not_taken_for_success() -> None:
     desk = Desk({"/bad": f"{ERROR}failure: :put"})
     console, _ = opened(desk)
-    with pytest.raises(ConsoleRefused, match="failure: :put"):
+    with pytest.raises(ConsoleCommandError, match="failure: :put"):
         console.run("/bad", timeout_s=5)
     assert any('; :put "atlantis-done-' in line for line in desk.typed)
 
 
 def test_a_secret_in_a_refusal_is_masked() -> None:
     console, _ = opened(Desk({"/user add password=hunter2": f"{ERROR}value hunter2 is too short"}))
-    with pytest.raises(ConsoleRefused) as refused:
+    with pytest.raises(ConsoleCommandError) as refused:
         console.run("/user add password=hunter2", timeout_s=5, secrets=[Secret("hunter2")])
     assert "hunter2" not in str(refused.value) + refused.value.words
     assert refused.value.words == "value ******** is too short"
@@ -139,5 +139,5 @@ def test_silence_ends_the_session() -> None:
 
 def test_a_login_that_fails_is_said() -> None:
     desk = Desk(questions=["Login failed, incorrect username or password\r\n"])
-    with pytest.raises(LoginFailed, match="router: the device did not accept"):
+    with pytest.raises(ConsoleLoginError, match="router: the device did not accept"):
         opened(desk)

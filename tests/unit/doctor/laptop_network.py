@@ -19,7 +19,7 @@ PLACE = RouterPlace(
     admit=(IPv4Network("10.64.101.0/24"), IPv4Network("10.80.0.0/24")),
     plug="ether8",
     bearer="lan",
-    metered=False,
+    is_metered=False,
     pin=None,
     example=False,
 )
@@ -90,6 +90,6 @@ def lines(*items: DoctorItem) -> list[str]:
     """What an item says, and what is to be typed: one line each."""
     found = []
     for item in items:
-        found.append(f"{item.verdict} {item.name}: {item.measured}")
+        found.append(f"{item.verdict} {item.name}: {item.observation}")
         found += [f"  {text}" for text in (item.hint, *item.commands) if text]
     return found

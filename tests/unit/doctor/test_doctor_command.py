@@ -233,7 +233,7 @@ def _no_twins(*_: object) -> Iterator[object]:
 def test_what_is_advised_is_told_the_same_inventory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(checkout())
     arguments = parse(laptop.DOCTOR, ["inventory=the inventory"])
-    assert laptop._typed(("provision trust site=coastal", "sudo ip link set eth0 up"), arguments) == [
+    assert laptop._complete_commands(("provision trust site=coastal", "sudo ip link set eth0 up"), arguments) == [
         "provision trust site=coastal 'inventory=the inventory'",
         "sudo ip link set eth0 up",
     ]

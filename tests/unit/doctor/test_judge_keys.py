@@ -13,7 +13,7 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.operations.doctor import folders, keys
-from atlantis_netcfg.runs import Outcome, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import Outcome, RunEnd, RunStart, Store
 
 # --- keys ---------------------------------------------------------------------------------------------------------
 
@@ -50,7 +50,7 @@ def test_a_declared_key_is_found_where_the_configuration_names_it(home: Path) ->
     (home / "keys").mkdir()
     file = put(home / "keys" / "work", FIRST)
     (home / ".ssh" / "config").write_text("Host *\n  IdentityFile ~/keys/work\n  identityfile=/no/where\n")
-    assert keys.keys_item("gw", [FIRST], keys.laptop_keys(home)).measured == str(file)
+    assert keys.keys_item("gw", [FIRST], keys.laptop_keys(home)).observation == str(file)
 
 
 def test_a_declared_key_is_found_in_the_agent(home: Path) -> None:
@@ -162,7 +162,7 @@ def test_encrypted_values(tmp_path: Path, decrypt: Callable[[str], str], expecte
 def test_a_wrong_password_is_told_with_the_place_of_the_first_value(tmp_path: Path) -> None:
     item = keys.secrets_item(vaulted(tmp_path), _wrong)
     assert item.verdict == "FAIL"
-    assert "host_vars/coastal-router.yml:8: this secret cannot be decrypted, nor 1 more" in item.measured
+    assert "host_vars/coastal-router.yml:8: this secret cannot be decrypted, nor 1 more" in item.observation
     assert item.hint == "check the vault's password: it is not the one of this value"
 
 
@@ -199,7 +199,7 @@ def test_no_authority(tmp_path: Path) -> None:
     ],
 )
 def test_room(free: int, expected: list[str], tmp_path: Path) -> None:
-    need = folders.RoomNeed("room", tmp_path, 50_000_000, 500_000_000, "records")
+    need = folders.SpaceRequirement("room", tmp_path, 50_000_000, 500_000_000, "records")
     assert [line.replace(str(tmp_path), "/x") for line in lines(folders.judge_room(need, free))] == expected
 
 
@@ -236,7 +236,7 @@ def test_leftovers(tmp_path: Path) -> None:
     assert (item.verdict, item.commands) == ("WARN", (f"sudo rm -r --one-file-system {tmp_path}",))
 
 
-STARTED = RunStarted(
+STARTED = RunStart(
     site="coastal",
     revision="",
     tool="",
@@ -248,23 +248,23 @@ STARTED = RunStarted(
 
 def test_open_runs(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished)) == ["PASS open runs: none"]
+    assert lines(folders.unfinished_item(folders.read_runs(store, None).unfinished_runs)) == ["PASS open runs: none"]
     assert list(tmp_path.iterdir()) == [], "looking makes nothing"
     with store.start(STARTED) as journal:
         name = journal.run
     read = folders.read_runs(store, "coastal")
-    assert [run.id for run in read.unfinished] == [name]
-    assert lines(folders.unfinished_item(read.unfinished)) == [
+    assert [run.id for run in read.unfinished_runs] == [name]
+    assert lines(folders.unfinished_item(read.unfinished_runs)) == [
         f"WARN open runs: {name} has left coastal-router open",
         "  go on when the link is there:",
         f"  provision resume site=coastal run={name} inventory=here",
     ]
-    assert folders.read_runs(store, "scc").unfinished == ()
+    assert folders.read_runs(store, "scc").unfinished_runs == ()
 
 
 def test_a_run_that_has_ended_is_not_open(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with store.start(STARTED) as journal:
         journal.write(Outcome(device="coastal-router", status="changed", exit=0, message=""))
-        journal.write(RunEnded(exit=0))
-    assert folders.read_runs(store, None).unfinished == ()
+        journal.write(RunEnd(exit=0))
+    assert folders.read_runs(store, None).unfinished_runs == ()

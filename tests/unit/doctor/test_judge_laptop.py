@@ -29,7 +29,7 @@ def test_python_is_compared_with_what_the_project_needs() -> None:
         "  sudo apt-get install -y python3-venv",
     ]
     project = tomllib.loads((checkout() / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert project["requires-python"] == f">={'.'.join(map(str, software._NEEDED))}"
+    assert project["requires-python"] == f">={'.'.join(map(str, software._MINIMUM_PYTHON))}"
 
 
 LOCK = """\
@@ -109,14 +109,14 @@ def test_a_program_that_is_missing_is_a_fault_where_the_site_needs_it() -> None:
         "FAIL OpenSSH: missing: ssh; needed for gateways and the VPN's server",
         "  sudo apt install openssh-client",
     ]
-    assert lines(software.judge_programs(replace(ssh, needed=False), lambda _: False, {})) == [
+    assert lines(software.judge_programs(replace(ssh, is_required=False), lambda _: False, {})) == [
         "SKIP OpenSSH: missing: ssh; only for gateways and the VPN's server",
         "  sudo apt install openssh-client",
     ]
     images = software.judge_programs(needs["for card images"], lambda program: program == "mcopy", {})
     assert images.commands == ("sudo apt install e2fsprogs",)
     (optional,) = [need for need in software.program_needs(computers=False) if need.name == "OpenSSH"]
-    assert not optional.needed
+    assert not optional.is_required
 
 
 def test_versions_are_those_of_debian() -> None:
@@ -213,7 +213,7 @@ def test_the_clock_is_compared_with_the_latest_run(tmp_path: Path) -> None:
     latest = clock._latest_run(Store(tmp_path).runs("coastal"))
     assert latest == datetime(2099, 11, 24, 10, 11, 12, tzinfo=UTC)
     (item, _) = clock.clock_items(tmp_path, Store(tmp_path).runs("coastal"), None)
-    assert (item.verdict, "is before the latest run" in item.measured) == ("FAIL", True)
+    assert (item.verdict, "is before the latest run" in item.observation) == ("FAIL", True)
 
 
 def test_the_clock_is_compared_with_the_newest_commit(tmp_path: Path) -> None:

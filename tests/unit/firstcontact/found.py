@@ -6,7 +6,7 @@ from typing import Any
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.first_contact.steps import CLEARED, AdoptionTarget, BoxFacts
+from atlantis_netcfg.routeros.first_contact.steps import CLEARED_MENUS, AdoptionTarget, BoxFacts
 from atlantis_netcfg.routeros.rsc import parse
 
 NOW = datetime(2026, 6, 1, 12, tzinfo=UTC)
@@ -61,7 +61,7 @@ def facts(export: str = DEFAULTS, **changes: Any) -> BoxFacts:  # noqa: ANN401 -
         certificates=(),
         services=({".id": "*7", "name": "api-ssl", "certificate": "none", "port": "8729", "disabled": "false"},),
         ethernets=tuple({".id": f"*{port[-1]}", "name": port, "default-name": port} for port in PORTS),
-        rows={menu: rows(export, menu) for menu in CLEARED},
+        rows={menu: rows(export, menu) for menu in CLEARED_MENUS},
         export=parse(export),
         text=export,
     )

@@ -8,7 +8,7 @@ from found import DEFAULTS, NOW, WISH, adopted, facts
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros.first_contact.steps import (
-    CLEARED,
+    CLEARED_MENUS,
     DeviceState,
     clear,
     close_door,
@@ -96,7 +96,7 @@ def test_what_is_ours_stays_and_what_was_for_first_contact_goes() -> None:
 
 
 def test_what_the_device_made_itself_is_left() -> None:
-    rows = dict.fromkeys(CLEARED, ())
+    rows = dict.fromkeys(CLEARED_MENUS, ())
     rows["/ip/address"] = ({".id": "*1", "address": "10.0.0.7/24", "dynamic": "true"},)  # type: ignore[assignment]
     rows["/interface/list"] = (  # type: ignore[assignment]
         {".id": "*2000000", "name": "all", "builtin": "true"},

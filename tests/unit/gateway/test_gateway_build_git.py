@@ -134,10 +134,10 @@ def test_a_submodule_without_address_is_named(board: Board) -> None:
 
 def test_only_the_difference_to_the_build_in_use_travels(board: Board) -> None:
     board.fetch("v1")
-    whole = board.git.sent
+    whole = board.git.sent_bytes
     board.projects.release("v2")
     board.fetch("v2", into="seeded", seed=board.folder / "library")
-    assert board.git.sent - whole < whole / 2
+    assert board.git.sent_bytes - whole < whole / 2
     assert (board.folder / "seeded" / HEADER).is_file()
 
 

@@ -51,15 +51,15 @@ def test_the_build_in_use_and_the_one_before_it_are_kept(tmp_path: Path) -> None
     shelf = build_plan.Shelf(str(tmp_path))
     for key in ("one", "two", "three"):
         shelf.use(made(shelf, key))
-    assert (shelf.linked("current"), shelf.linked("previous")) == ("three", "two")
+    assert (shelf.link_target("current"), shelf.link_target("previous")) == ("three", "two")
     made(shelf, "new")
     assert shelf.prune(busy=["new"]) == ["one"]
     assert (tmp_path / "current/build.json").exists()
     shelf.use("two")
-    assert (shelf.linked("current"), shelf.linked("previous")) == ("two", "three")
+    assert (shelf.link_target("current"), shelf.link_target("previous")) == ("two", "three")
     assert shelf.prune() == ["new"]
     shelf.use("two")
-    assert (shelf.linked("current"), shelf.linked("previous")) == ("two", "three")
+    assert (shelf.link_target("current"), shelf.link_target("previous")) == ("two", "three")
 
 
 def test_a_build_without_its_marker_is_none(tmp_path: Path) -> None:
@@ -91,9 +91,9 @@ def test_a_cut_between_the_links_loses_nothing(tmp_path: Path, monkeypatch: pyte
         patch.setattr(shelf, "_link", cut)
         with pytest.raises(KeyboardInterrupt):
             shelf.use("two")
-    assert shelf.linked("current") == "one"
+    assert shelf.link_target("current") == "one"
     shelf.use("two")
-    assert (shelf.linked("current"), shelf.linked("previous")) == ("two", "one")
+    assert (shelf.link_target("current"), shelf.link_target("previous")) == ("two", "one")
 
 
 def test_half_a_removal_leaves_no_build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ import pytest
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import build_plan
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.build_start import Build, BuildFolders
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 
 URL, TOKEN = "https://git.example.org/c4i/library.git", "CANARY-of-a-visit"
 
@@ -34,17 +34,19 @@ class Gateway:
     def shelf(self) -> build_plan.Shelf:
         return build_plan.Shelf(self.places.prefix)
 
-    def run(self, argv: list[str]) -> Done:
+    def run(self, argv: list[str]) -> ProgramResult:
         self.commands.append(argv)
         if argv[0] == "c++":
-            return Done(0 if self.compiler else 127, "12\n" if argv[1] == "-dumpversion" else "x86_64-linux-gnu\n")
+            return ProgramResult(
+                0 if self.compiler else 127, "12\n" if argv[1] == "-dumpversion" else "x86_64-linux-gnu\n"
+            )
         unit = next((word.partition("=")[2] for word in argv if word.startswith("--unit=")), argv[-1])
         if argv[0] == "systemd-run":
             self.running |= {unit} if self.starts else set()
-            return Done(0 if self.starts else 1, "Failed to start")
+            return ProgramResult(0 if self.starts else 1, "Failed to start")
         if argv[1] == "stop":
             self.running.discard(unit)
-        return Done(0, "active\n" if unit in self.running else "inactive\n")
+        return ProgramResult(0, "active\n" if unit in self.running else "inactive\n")
 
     def visit(
         self, revision: str = "v1", started: str | None = None, *, check: bool = False, examples: bool = False
@@ -121,7 +123,7 @@ def test_the_declaration_set_back_takes_the_kept_build(gateway: Gateway) -> None
     back, build = gateway.visit("v1")
     assert planned["state"] == back["state"] == "ready"
     assert build.changes == wish.changes == [f"build {keys[0]} of library v1 taken into use"]
-    assert (gateway.shelf.linked("current"), gateway.shelf.linked("previous")) == (keys[0], keys[1])
+    assert (gateway.shelf.link_target("current"), gateway.shelf.link_target("previous")) == (keys[0], keys[1])
     assert sum(command[0] == "systemd-run" for command in gateway.commands) == started
 
 

@@ -27,28 +27,31 @@ GNUTLS = (
         (REFUSED, BuildTrouble.TOKEN),
         (ASKED, BuildTrouble.TOKEN),
         *((one, BuildTrouble.CERTIFICATE) for one in GNUTLS),
-        (f"remote: Not Found\nfatal: repository '{URL}/' not found", BuildTrouble.GONE),
+        (f"remote: Not Found\nfatal: repository '{URL}/' not found", BuildTrouble.NOT_FOUND),
         ("fatal: couldn't find remote ref refs/tags/v9", BuildTrouble.REVISION),
         (f"fatal: remote error: upload-pack: not our ref {'f' * 40}", BuildTrouble.REVISION),
         ("fatal: No url found for submodule path 'msgs' in .gitmodules", BuildTrouble.SUBMODULE),
         ("fatal: write error: No space left on device\nfatal: index-pack failed", BuildTrouble.SPACE),
         ("fatal: unable to access 'https://x/': Could not resolve host: x", BuildTrouble.LINK),
         ("error: RPC failed; curl 56 Recv failure\nfatal: the remote end hung up unexpectedly", BuildTrouble.LINK),
-        ("error: object file .git/objects/aa/bb is empty\nfatal: loose object aabb is corrupt", BuildTrouble.DAMAGED),
+        (
+            "error: object file .git/objects/aa/bb is empty\nfatal: loose object aabb is corrupt",
+            BuildTrouble.CORRUPTION,
+        ),
         ("fatal: something else", BuildTrouble.OTHER),
     ],
 )
 def test_failures_of_git_are_told_apart(said: str, kind: BuildTrouble) -> None:
     assert trouble(said) is kind
-    told = about_git(said, URL, "v1.0.0", tokened=True)
+    told = about_git(said, URL, "v1.0.0", has_token=True)
     assert told.message
     assert "Traceback" not in told.message
 
 
 def test_a_token_that_is_missing_is_not_one_that_is_wrong() -> None:
-    assert "no token is declared" in about_git(ASKED, URL, "v1", tokened=False).message
-    assert "does not accept the declared token" in about_git(REFUSED, URL, "v1", tokened=True).message
-    assert "gateway's clock" in about_git(GNUTLS[1], URL, "v1", tokened=True).hint
+    assert "no token is declared" in about_git(ASKED, URL, "v1", has_token=False).message
+    assert "does not accept the declared token" in about_git(REFUSED, URL, "v1", has_token=True).message
+    assert "gateway's clock" in about_git(GNUTLS[1], URL, "v1", has_token=True).hint
 
 
 @pytest.mark.parametrize(

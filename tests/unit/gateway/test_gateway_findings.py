@@ -45,7 +45,7 @@ def test_drift_lists_it_among_what_differs() -> None:
     comparison = told(Mode.DRIFT, CHANGED, FOUND).as_dict()["comparison"]
     assert [one["subject"] for one in comparison["differences"]] == ["file /etc/hosts", FINDING]
     report = DriftReport(
-        site="coastal", rehearsed=False, devices={"coastal-gateway": told(Mode.DRIFT, FOUND).as_dict()}
+        site="coastal", is_rehearsal=False, devices={"coastal-gateway": told(Mode.DRIFT, FOUND).as_dict()}
     )
     assert FINDING in report.as_text()
     assert report.exit is ExitCode.CHECKS_FAILED
@@ -53,10 +53,10 @@ def test_drift_lists_it_among_what_differs() -> None:
 
 def test_a_failure_that_comes_later_is_worse_and_hides_no_finding() -> None:
     result = told(Mode.APPLY, FOUND)
-    result.failed("another task", {"msg": "no room", "hint": "make some"}, Status.LEFT_AS_FOUND)
+    result.fail("another task", {"msg": "no room", "hint": "make some"}, Status.LEFT_AS_FOUND)
     assert (result.exit, result.hint) == (ExitCode.FAILED, "make some")
     assert result.message == f"another task: no room; finding: {FINDING}"
     drifted = told(Mode.DRIFT, FOUND)
-    drifted.failed("a task", {"msg": "away"}, Status.LEFT_AS_FOUND)
-    drifted.rescued()
+    drifted.fail("a task", {"msg": "away"}, Status.LEFT_AS_FOUND)
+    drifted.recover()
     assert drifted.exit is ExitCode.CHECKS_FAILED

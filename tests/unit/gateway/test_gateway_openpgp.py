@@ -34,7 +34,7 @@ def as_gpg_says(path: Path, home: Path) -> list[tuple[str, int, int | None]]:
 
 
 def as_we_say(keys: Iterable[PublicKey]) -> list[tuple[str, int, int | None]]:
-    return [(key.fingerprint, key.created, key.expires) for key in keys]
+    return [(key.fingerprint, key.created_at, key.expires) for key in keys]
 
 
 @pytest.mark.parametrize("path", KEYRINGS, ids=[path.stem for path in KEYRINGS])

@@ -10,7 +10,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.co
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 
 FOLDER = "/etc/ours"
 KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": str(os.geteuid()), "group": str(os.getegid())}
@@ -18,7 +18,7 @@ KEPT = {"path": f"{FOLDER}/4g/a.xml", "content": "a", "owner": str(os.geteuid())
 
 def configured(root: Path, *, check: bool = False, **told: Any) -> list[str]:  # noqa: ANN401 - of the module
     wishes = DesiredState.of({"only": [FOLDER], **told})
-    configure = Configure(FileSystem(str(root)), wishes, check=check, run=lambda _argv: Done(0, ""))
+    configure = Configure(FileSystem(str(root)), wishes, check=check, run=lambda _argv: ProgramResult(0, ""))
     configure.converge({})
     return configure.changes
 

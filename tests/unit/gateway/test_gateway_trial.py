@@ -7,18 +7,18 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.connection_test import SmokeTest
 
-ADDRESS = Done(0, "3: tun0    inet 10.80.0.10/16 scope global tun0")
+ADDRESS = ProgramResult(0, "3: tun0    inet 10.80.0.10/16 scope global tun0")
 TRIAL = SmokeTest("/b/example-robot", "/b/c.yml", "/interop.sh", "/ros.env", "/b/build.json", "someone", "tun0", 15)
 
 
 @dataclass
 class Gateway:
     root: Path
-    address: Done = ADDRESS
-    end: Done = field(default_factory=lambda: Done(124, "TEST_ROBOT\n"))
+    address: ProgramResult = ADDRESS
+    end: ProgramResult = field(default_factory=lambda: ProgramResult(124, "TEST_ROBOT\n"))
     commands: list[list[str]] = field(default_factory=list)
 
     def put(self, path: str, text: str) -> None:
@@ -26,7 +26,7 @@ class Gateway:
         place.parent.mkdir(exist_ok=True)
         place.write_text(text)
 
-    def run(self, argv: list[str]) -> Done:
+    def run(self, argv: list[str]) -> ProgramResult:
         self.commands.append(argv)
         return self.address if argv[0] == "ip" else self.end
 
@@ -60,23 +60,23 @@ def test_what_runs_is_inconclusive_and_not_started_again(gateway: Gateway) -> No
 
 
 def test_what_ends_by_itself_is_inconclusive_too(gateway: Gateway) -> None:
-    gateway.end = Done(0, "")
+    gateway.end = ProgramResult(0, "")
     assert "ended by itself, without an error" in gateway.judge()
 
 
 def test_an_error_fails_and_is_tried_again(gateway: Gateway) -> None:
-    gateway.end = Done(2, "starting\nerror: C4i does not answer\n")
+    gateway.end = ProgramResult(2, "starting\nerror: C4i does not answer\n")
     with pytest.raises(
         ModuleError, match=r"FAIL: example-robot ended with 2 .*:\nerror: C4i does not answer"
     ) as caught:
         gateway.judge()
     assert "C4i" in caught.value.hint
-    gateway.end = Done(124, "")
+    gateway.end = ProgramResult(124, "")
     assert gateway.judge().startswith("INCONCLUSIVE")
 
 
-@pytest.mark.parametrize("address", [Done(1, 'Device "tun0" does not exist.'), Done(0, "")])
-def test_without_the_vpn_it_is_not_started(gateway: Gateway, address: Done) -> None:
+@pytest.mark.parametrize("address", [ProgramResult(1, 'Device "tun0" does not exist.'), ProgramResult(0, "")])
+def test_without_the_vpn_it_is_not_started(gateway: Gateway, address: ProgramResult) -> None:
     gateway.address = address
     assert gateway.judge().startswith("SKIP: example-robot was not started: tun0, the VPN's interface, has no address")
     assert len(gateway.commands) == 1

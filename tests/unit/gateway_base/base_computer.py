@@ -10,7 +10,7 @@ from typing import Any
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.configure import Configure
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.desired_state import DesiredState
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.filesystem import FileSystem
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import run as really_run
 
 ME = {"owner": str(os.geteuid()), "group": str(os.getegid())}
@@ -37,7 +37,7 @@ class Computer:
     root: Path
     units: dict[str, FakeUnit] = field(default_factory=dict)
     ran: list[list[str]] = field(default_factory=list)
-    answers: dict[str, Done] = field(default_factory=dict)
+    answers: dict[str, ProgramResult] = field(default_factory=dict)
     """Of steps, by the first word."""
     slept_s: float = 0
 
@@ -81,27 +81,27 @@ class Computer:
     def sleep(self, seconds: float) -> None:
         self.slept_s += seconds
 
-    def run(self, argv: list[str]) -> Done:
+    def run(self, argv: list[str]) -> ProgramResult:
         if argv[0] == "systemctl":
             return self._systemctl(argv[1], argv[-1])
         if argv[0] == "journalctl":
-            return Done(0, "it said why\n")
+            return ProgramResult(0, "it said why\n")
         if argv[0] == "sh":
             return really_run(argv)
         self.ran.append(argv)
-        return self.answers.get(argv[0], Done(0, ""))
+        return self.answers.get(argv[0], ProgramResult(0, ""))
 
-    def _systemctl(self, verb: str, name: str) -> Done:
+    def _systemctl(self, verb: str, name: str) -> ProgramResult:
         unit = self.units.get(name, FakeUnit(load="not-found", file=""))
         if verb == "show":
-            return Done(
+            return ProgramResult(
                 0,
                 f"LoadState={unit.load}\nActiveState={unit.active}\nSubState={unit.sub}\nUnitFileState={unit.file}\n"
                 f"ConditionResult={'yes' if unit.condition else 'no'}\n"
                 f"NeedDaemonReload={'yes' if unit.stale else 'no'}\n",
             )
         if verb == "reset-failed":
-            return Done(0, "")
+            return ProgramResult(0, "")
         self.ran.append(["systemctl", verb, *([name] if verb != "daemon-reload" else [])])
         if verb == "daemon-reload":
             for each in self.units.values():
@@ -117,4 +117,4 @@ class Computer:
         elif unit.condition:
             unit.active, unit.sub = "active", "running"
             unit.loaded = self.text(unit.conf) if unit.conf else None
-        return Done(0, "")
+        return ProgramResult(0, "")

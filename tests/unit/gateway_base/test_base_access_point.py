@@ -39,7 +39,7 @@ def part(tmp_path: Path, changes: Mapping[str, str] | None = None, *, rehearsed:
     rows = "".join(f"    {name}: {value}\n" for name, value in {**DECLARED, **(changes or {})}.items())
     path.write_text(f"{path.read_text()}  access_point:\n{rows}")
     declaration = load(made)
-    return gateway_base(declaration, declaration.hosts[GATEWAY], rehearsed=rehearsed)
+    return gateway_base(declaration, declaration.hosts[GATEWAY], is_rehearsal=rehearsed)
 
 
 def files(base: GatewayBase) -> dict[str, str]:

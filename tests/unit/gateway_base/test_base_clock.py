@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.clock import Clock
 
 NOW = 1_795_000_000.0  # 2026-11-18
@@ -27,9 +27,9 @@ class Board:
             raise PermissionError(1, "Operation not permitted")
         self.now = now
 
-    def run(self, argv: list[str]) -> Done:
+    def run(self, argv: list[str]) -> ProgramResult:
         self.ran.append(argv[0])
-        return Done(0, "yes\n" if argv[0] == "timedatectl" and self.follows else "no\n")
+        return ProgramResult(0, "yes\n" if argv[0] == "timedatectl" and self.follows else "no\n")
 
 
 @pytest.mark.parametrize(

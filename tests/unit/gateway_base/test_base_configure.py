@@ -11,7 +11,7 @@ import pytest
 from base_computer import ME, Computer, FakeUnit
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.configure import Module
 
 CONF = "/etc/daemon/daemon.conf"
@@ -242,11 +242,11 @@ def test_two_runs_do_not_mix(computer: Computer) -> None:
 def test_a_step_that_fails_tells_its_last_lines_and_is_done_again(computer: Computer) -> None:
     told = {**file(), "steps": [{"name": "make", "run": ["make"], "after": ["/a/b"]}]}
     computer.converge(**told)
-    computer.answers["make"] = Done(2, "".join(f"line {number}\n" for number in range(40)))
+    computer.answers["make"] = ProgramResult(2, "".join(f"line {number}\n" for number in range(40)))
     told["files"] = file("y")["files"]
     with pytest.raises(ModuleError, match=r"step `make` failed \(exit 2\):\nline 32\n(line 3\d\n)+line 39$"):
         computer.converge(**told)
-    computer.answers["make"] = Done(0, "note: by the way\nnothing\n")
+    computer.answers["make"] = ProgramResult(0, "note: by the way\nnothing\n")
     told["files"] = file("x")["files"]  # what it had succeeded with before it failed
     configure = computer.configure(**told)
     configure.converge({})
@@ -370,7 +370,7 @@ def test_a_check_is_asked_in_every_run_and_changes_nothing(computer: Computer) -
         (1, [("it is not bounded", "take another")]),
         (127, [("it is not bounded", "take another")]),
     ):
-        computer.answers["look"] = Done(code, "")
+        computer.answers["look"] = ProgramResult(code, "")
         for check in (True, False):
             one = computer.configure(check=check, checks=checks)
             one.converge({})

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from base_computer import Computer, FakeUnit
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 
 CONF = "/etc/daemon/daemon.conf"
 CALLS = ("open", "write", "fsync", "fchmod", "replace", "unlink", "mkdir", "rmdir", "chmod", "chown", "symlink")
@@ -52,7 +52,7 @@ class Daemon(Computer):
 
     taken = ""
 
-    def run(self, argv: list[str]) -> Done:
+    def run(self, argv: list[str]) -> ProgramResult:
         done = super().run(argv)
         if argv[0] == "take":
             self.taken = self.text(CONF)

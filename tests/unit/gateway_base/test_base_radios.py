@@ -30,7 +30,7 @@ def part(tmp_path: Path, *edits: tuple[str, str], rehearsed: bool = False) -> Ga
         text = text.replace(old, new)
     path.write_text(text)
     declaration = load(made)
-    return gateway_base(declaration, declaration.hosts[GATEWAY], rehearsed=rehearsed)
+    return gateway_base(declaration, declaration.hosts[GATEWAY], is_rehearsal=rehearsed)
 
 
 def files(base: GatewayBase) -> dict[str, str]:

@@ -38,7 +38,7 @@ _FLAG = re.compile(r"(?<![\w-])--([a-z][a-z-]*)")
 
 def typed_words(name: str, folder: Path) -> list[str]:
     """A command line of this command that can be parsed."""
-    words = [word for word in load(name, COMMANDS).command.words if word.required]
+    words = [word for word in load(name, COMMANDS).command.words if word.is_required]
     samples = {**_SAMPLES, "to": str(folder / "to"), "file": str(folder / "file"), "folder": str(folder / "new")}
     first = [] if name == "run" else name.split()
     return [*first, *(f"{word.name}={samples.get(word.name, 'x')}" for word in words)]
@@ -53,7 +53,7 @@ def foreign_options(printed: str, name: str) -> list[str]:
 @for_each_row("name", list(COMMANDS), ids=str)
 def test_example_values_are_refused_with_what_this_command_has(name: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError) as refused:
-        refuse_examples(load_declaration(SHIPPED), rehearsed=False)
+        refuse_examples(load_declaration(SHIPPED), is_rehearsal=False)
     hint = as_typed(refused.value.hint or "", [*typed_words(name, tmp_path), "site=coastal"]).splitlines()[0]
     assert foreign_options(hint, name) == []
     has_flag = load(name, COMMANDS).command.flag("rehearse") is not None

@@ -93,7 +93,7 @@ WRITERS: dict[str, tuple[str, Callable[[Path], object]]] = {
     "run of a measurement": ("run.json", lambda path: write_run(path.parent, measured())),
     "profile of a link": ("profile.json", lambda path: write_profile(path.parent, EMPTY)),
     "revocation list": ("crl.pem", publish),
-    "key for signing": ("signing-key.pem", SigningKey.made),
+    "key for signing": ("signing-key.pem", SigningKey.load_or_create),
     "lock of the authority": (model.LOCK_FILE, lambda path: model.Lock(path.parent, "ana").__enter__()),
 }
 

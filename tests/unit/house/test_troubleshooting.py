@@ -22,37 +22,37 @@ _DEVICE = "the text is the device's or the other program's own, behind its name"
 PASSED_ON = {
     ("links/lte/rutos_client.py", "CertificateUnknown"): _CALLER,
     ("routeros/first_contact/run.py", "CutOff"): _CAUSE,
-    ("routeros/first_contact/run.py", "DeviceFailed"): _REASON,
-    ("routeros/first_contact/run.py", "PreflightRefused"): _REASON,
-    ("cli/base/session.py", "Stopped"): _CALLER,
-    ("cli/robot.py", "CostRefused"): _CAUSE,
+    ("routeros/first_contact/run.py", "DeviceError"): _REASON,
+    ("routeros/first_contact/run.py", "PreflightError"): _REASON,
+    ("cli/base/session.py", "CommandInterrupt"): _CALLER,
+    ("cli/robot.py", "CostRefusal"): _CAUSE,
     ("routeros/console/terminal.py", "ConsoleLost"): _CAUSE,
     ("routeros/console/types.py", "ConsoleLost"): _CALLER,
-    ("routeros/console/types.py", "ConsoleRefused"): _CALLER,
-    ("routeros/console/types.py", "HostKeyChanged"): _CALLER,
+    ("routeros/console/types.py", "ConsoleCommandError"): _CALLER,
+    ("routeros/console/types.py", "HostKeyMismatch"): _CALLER,
     ("routeros/console/types.py", "UnknownHostKey"): _CALLER,
     ("operations/adopt.py", "ConsoleUnreachable"): _CAUSE,
     ("operations/lte/run.py", "LteResult"): _CAUSE,
-    ("operations/qualify/far_end.py", "FarEndClosed"): _DEVICE,
-    ("operations/robots/remote.py", "ListeningFailed"): _DEVICE,
-    ("operations/computers/remote_session.py", "HostKeyChanged"): _DEVICE,
-    ("operations/computers/remote_session.py", "ServerRefused"): _DEVICE,
+    ("operations/qualify/far_end.py", "FarEndUnavailable"): _DEVICE,
+    ("operations/robots/remote.py", "ListenError"): _DEVICE,
+    ("operations/computers/remote_session.py", "HostKeyMismatch"): _DEVICE,
+    ("operations/computers/remote_session.py", "ServerRefusal"): _DEVICE,
     ("operations/vpn/live.py", "RecordOlder"): _REASON,
-    ("vpn/reports.py", "AuthorityDamaged"): _REASON,
-    ("vpn/router_import.py", "DeviceFailed"): _CAUSE,
-    ("routeros/api/_values.py", "CertificateChanged"): _CALLER,
+    ("vpn/reports.py", "CorruptAuthorityError"): _REASON,
+    ("vpn/router_import.py", "DeviceError"): _CAUSE,
+    ("routeros/api/_values.py", "CertificateMismatch"): _CALLER,
     ("routeros/api/_values.py", "CertificateUnknown"): _CALLER,
-    ("routeros/api/_values.py", "Refused"): _CALLER,
+    ("routeros/api/_values.py", "CommandError"): _CALLER,
     ("routeros/api/_values.py", "SessionLost"): _CALLER,
-    ("routeros/apply/_change.py", "ActionRefused"): _DEVICE,
-    ("routeros/apply/_change.py", "VerificationFailed"): _CALLER,
+    ("routeros/apply/_change.py", "ActionError"): _DEVICE,
+    ("routeros/apply/_change.py", "VerificationError"): _CALLER,
     ("routeros/apply/_contact.py", "Unfit"): "the text says which of two radio menus fits, in the words of the plan",
     ("routeros/apply/_executor.py", "Busy"): _CAUSE,
     ("routeros/pair/_transaction.py", "ProtectionLost"): _CAUSE,
     ("routeros/pair/_transaction.py", "SafeModeUnavailable"): _CAUSE,
     ("routeros/planner/__init__.py", "CannotPlan"): _REASON,
-    ("vpn/authority/model.py", "AuthorityFailed"): _REASON,
-    ("vpn/ledger/file.py", "LedgerDamaged"): _REASON,
+    ("vpn/authority/model.py", "AuthorityError"): _REASON,
+    ("vpn/ledger/file.py", "CorruptLedgerError"): _REASON,
 }
 """What has no words of its own, by file and by what makes it: each with the reason why its text is read elsewhere."""
 
@@ -128,7 +128,7 @@ def test_every_word_that_is_advised_alone_is_one_of_some_command() -> None:
 
 
 SOURCE = '''
-class Lost(DeviceFailed):
+class Lost(DeviceError):
     """No `exit` of its own."""
 class Mended(Lost):
     exit = ExitCode.DONE
@@ -144,11 +144,11 @@ def g():
 '''
 
 
-@pytest.mark.parametrize("base", ["class DeviceFailed(Exception):\n    exit = ExitCode.FAILED\n"])
+@pytest.mark.parametrize("base", ["class DeviceError(Exception):\n    exit = ExitCode.FAILED\n"])
 def test_what_is_read_of_a_source(base: str) -> None:
     tree = ast.parse(base + SOURCE)
     failures = failing([tree])
-    assert failures == {"DeviceFailed", "Lost"}
+    assert failures == {"DeviceError", "Lost"}
     assert sorted(text for _, text in read(tree, failures)) == [
         "nobody knows",
         "stopped here",

@@ -77,7 +77,7 @@ def test_the_ssh_server_takes_keys_only_whatever_the_vendor_says() -> None:
 def test_what_must_not_be_on_two_cards_is_removed() -> None:
     seed, bus = "/var/lib/systemd/random-seed", "/var/lib/dbus/machine-id"
     listed = {"/etc/ssh": ("sshd_config", "ssh_host_rsa_key", "ssh_host_rsa_key.pub")}
-    edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, listed=listed), WISH)
+    edits = plan(replace(SEEN, present=SEEN.present | {seed, bus}, names_by_folder=listed), WISH)
     removed = [edit.path for edit in edits if isinstance(edit, facts.Remove)]
     assert removed == [bus, seed, "/etc/ssh/ssh_host_rsa_key", "/etc/ssh/ssh_host_rsa_key.pub"]
     assert facts.ImageFile("/etc/machine-id", b"", 0o444) in edits
@@ -85,7 +85,7 @@ def test_what_must_not_be_on_two_cards_is_removed() -> None:
 
 def test_netplan() -> None:
     listed = {"/etc/netplan": ("01-netcfg.yaml", "10-atlantis.yaml", "README")}
-    edits = plan(replace(SEEN, listed=listed), WISH)
+    edits = plan(replace(SEEN, names_by_folder=listed), WISH)
     assert [edit.path for edit in edits if isinstance(edit, facts.Remove)] == ["/etc/netplan/01-netcfg.yaml"]
     lan = yaml.safe_load(files(edits)["/etc/netplan/10-atlantis.yaml"])["network"]["ethernets"]["lan"]
     assert lan["match"] == {"name": "eth0"}
@@ -187,7 +187,7 @@ def test_the_first_start() -> None:
     ],
 )
 def test_an_image_that_cannot_serve_is_refused(seen: facts.ImageFacts, wish: facts.ImageRequest, said: str) -> None:
-    with pytest.raises(facts.ImageRefused, match=said):
+    with pytest.raises(facts.ImageError, match=said):
         plan(seen, wish)
 
 
@@ -216,6 +216,6 @@ def test_cloud_init_that_the_kernels_command_line_switches_on_is_refused(words: 
     """It has precedence over the file: cloud-init's generator asks it first."""
     seen = replace(SEEN, present=SEEN.present | {"/etc/cloud"}, boot_words={"boot.ini on the FAT partition": words})
     with pytest.raises(
-        facts.ImageRefused, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"
+        facts.ImageError, match=r"boot\.ini on the FAT partition of the image tells the kernel `cloud-init"
     ):
         plan(seen, WISH)

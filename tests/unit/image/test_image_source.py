@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.computers.image.facts import ImageRefused
-from atlantis_netcfg.computers.image.source import Expanded, SourceKind, checksum, expand, segments
+from atlantis_netcfg.computers.image.facts import ImageError
+from atlantis_netcfg.computers.image.source import SourceKind, UnpackedImage, checksum, expand, segments
 from atlantis_netcfg.computers.image.writer import Progress, WriteMeter, WriterStep
 
 RAW = b"\x01" * 70000 + bytes(300000) + b"\x02" * 5000 + bytes(200) + b"\x03" * 312
@@ -23,7 +23,7 @@ PACKED = {
 }
 
 
-def unpack(folder: Path, data: bytes, sha256: str | None = None) -> Expanded:
+def unpack(folder: Path, data: bytes, sha256: str | None = None) -> UnpackedImage:
     image = folder / "x.img.xz"
     image.write_bytes(data)
     return expand(image, folder / "copy", checksum(image, sha256), lambda _done, _total: None)
@@ -33,7 +33,7 @@ def unpack(folder: Path, data: bytes, sha256: str | None = None) -> Expanded:
 def test_every_packing_gives_the_same_copy(packing: str, tmp_path: Path) -> None:
     expanded = unpack(tmp_path, PACKED[packing])
     assert expanded.path.read_bytes() == RAW + bytes(-len(RAW) % BLOCK)
-    assert (expanded.size, expanded.mapped, expanded.told_by) == (len(RAW), None, "")
+    assert (expanded.size, expanded.spans, expanded.told_by) == (len(RAW), None, "")
     assert expanded.sha256 == hashlib.sha256(PACKED[packing]).hexdigest()
     assert expanded.path.stat().st_mode & 0o777 == 0o600
 
@@ -52,13 +52,13 @@ def test_a_checksum_beside_the_image(name: str, tmp_path: Path) -> None:
     assert unpack(tmp_path, RAW).told_by == name
     (tmp_path / name).write_text(f"{wrong}  x.img.xz\n")
     (tmp_path / "copy").unlink()
-    with pytest.raises(ImageRefused, match=f"its SHA-256 is {right}, and {name} says {wrong}"):
+    with pytest.raises(ImageError, match=f"its SHA-256 is {right}, and {name} says {wrong}"):
         unpack(tmp_path, RAW)
 
 
 def test_a_checksum_that_was_typed(tmp_path: Path) -> None:
     assert unpack(tmp_path, RAW, hashlib.sha256(RAW).hexdigest().upper()).told_by == "sha256="
-    with pytest.raises(ImageRefused, match="`abc` is no SHA-256"):
+    with pytest.raises(ImageError, match="`abc` is no SHA-256"):
         unpack(tmp_path, RAW, "abc")
 
 
@@ -74,7 +74,7 @@ def test_a_checksum_that_was_typed(tmp_path: Path) -> None:
     ids=["xz cut", "gz cut", "xz spoilt", "zstd", "zip"],
 )
 def test_a_file_that_cannot_be_used_is_refused(data: bytes, said: str, tmp_path: Path) -> None:
-    with pytest.raises(ImageRefused, match=said):
+    with pytest.raises(ImageError, match=said):
         unpack(tmp_path, data)
 
 
@@ -98,12 +98,12 @@ RANGES = {"0-9": digest(0, 9), "91": digest(91, 91)}
 def test_a_block_map_says_what_matters(tmp_path: Path) -> None:
     (tmp_path / "x.img.bmap").write_text(bmap(RAW, RANGES))
     expanded = unpack(tmp_path, PACKED["xz"])
-    assert expanded.mapped == ((0, 10 * BLOCK), (91 * BLOCK, len(RAW)))
+    assert expanded.spans == ((0, 10 * BLOCK), (91 * BLOCK, len(RAW)))
     copy = expanded.path.read_bytes()
     assert copy[: 10 * BLOCK] == RAW[: 10 * BLOCK]
     assert copy[91 * BLOCK : len(RAW)] == RAW[91 * BLOCK :]
     assert not any(copy[10 * BLOCK : 91 * BLOCK])
-    parts = segments(expanded.path, expanded.size, expanded.mapped)
+    parts = segments(expanded.path, expanded.size, expanded.spans)
     assert [(part.start, part.end) for part in parts] == [(0, 10 * BLOCK), (91 * BLOCK, len(RAW))]
 
 
@@ -121,7 +121,7 @@ def test_a_block_map_says_what_matters(tmp_path: Path) -> None:
 )
 def test_a_block_map_that_does_not_fit_is_refused(text: str, said: str, tmp_path: Path) -> None:
     (tmp_path / "x.img.xz.bmap").write_text(text)
-    with pytest.raises(ImageRefused, match=said):
+    with pytest.raises(ImageError, match=said):
         unpack(tmp_path, PACKED["xz"])
 
 

@@ -72,10 +72,10 @@ def test_who_replaces_the_texts_alone_keeps_no_number_silently(inventory: Path) 
 def test_a_refused_run_names_how_many_and_the_first_lines(inventory: Path) -> None:
     declaration = load(inventory)
     with pytest.raises(UsageError) as caught:
-        refuse_examples(declaration, rehearsed=False)
+        refuse_examples(declaration, is_rehearsal=False)
     lines = str(caught.value.hint).splitlines()
     assert lines[1].startswith(f"{len(declaration.examples)} values are examples")
     (words,) = advised(lines[1])
     assert main([*words, "inventory=inventory"]) == ExitCode.DONE
     assert [line.strip() for line in lines[2:]] == by_line(declaration.examples)[:3]
-    refuse_examples(declaration, rehearsed=True)
+    refuse_examples(declaration, is_rehearsal=True)

@@ -16,7 +16,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
 from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, wrong
-from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, Vaulted, document
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
 from atlantis_netcfg.operations.common.vault import Vault
 
 if TYPE_CHECKING:
@@ -277,7 +277,7 @@ def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
 def test_yaml_text_is_read_back_as_it_was(value: str | float | None) -> None:
     tree: dict[str, Tree] = {
         "a": {"b": [{"c": Value(value, is_example=True, comment="why")}, value]},
-        "s": Vaulted("x\ny"),
+        "s": VaultSecret("x\ny"),
         "e": [],
         "m": {},
     }

@@ -12,9 +12,9 @@ import pytest
 from hints_said import advised
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.runs import KEPT, Outcome, Purpose, RunEnded, RunStarted, Store
+from atlantis_netcfg.runs import KEPT_RUNS, Outcome, Purpose, RunEnd, RunStart, Store
 
-STARTED = RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
+STARTED = RunStart(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="provision")
 opened: list[list[str]] = []
 """The files that are opened while somebody counts; what nobody counts is not noted."""
 
@@ -57,7 +57,7 @@ def ran(store: Store, status: str = "changed", device: str = "router", *, confir
         if confirmed:
             journal.confirm(device, lambda: f"# {journal.run}\n")
         journal.write(Outcome(device=device, status=status, exit=0, message=""))
-        journal.write(RunEnded(exit=0))
+        journal.write(RunEnd(exit=0))
     return journal.run
 
 
@@ -65,8 +65,8 @@ def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFi
     def costs() -> dict[str, tuple[int, int]]:
         return {
             "runs": counted(lambda: main(["runs", "site=coastal", "--json"])),
-            "unfinished": counted(lambda: store.unfinished("coastal")),
-            "history": counted(lambda: store.history("coastal", "router").unfinished()),
+            "unfinished": counted(lambda: store.unfinished_runs("coastal")),
+            "history": counted(lambda: store.history("coastal", "router").has_unfinished_run()),
             "confirmed": counted(lambda: store.last_confirmed("coastal", ("router",))),
         }
 
@@ -83,21 +83,21 @@ def test_a_thousand_runs_cost_what_ten_do(store: Store, capsys: pytest.CaptureFi
     capsys.readouterr()
     assert main(["runs", "site=coastal"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert len(lines) == KEPT + 1
-    assert lines[-1] == f"{1001 - KEPT} older runs are put aside: `provision runs --all` lists them too"
+    assert len(lines) == KEPT_RUNS + 1
+    assert lines[-1] == f"{1001 - KEPT_RUNS} older runs are put aside: `provision runs --all` lists them too"
     (command,) = advised(lines[-1])
     assert main([*command, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert (len(told["runs"]), told["archived"]) == (1001, 1001 - KEPT)
+    assert (len(told["runs"]), told["archived"]) == (1001, 1001 - KEPT_RUNS)
     assert [row["run"] for row in told["runs"]] == sorted(row["run"] for row in told["runs"])
 
 
 def test_a_run_that_is_put_aside_is_still_there_by_its_name(store: Store) -> None:
     first = ran(store)
-    for _ in range(KEPT):
+    for _ in range(KEPT_RUNS):
         ran(store)
     assert first not in [run.id for run in store.runs("coastal")]
-    assert store.archived("coastal") == (first,)
+    assert store.archived_runs("coastal") == (first,)
     run = store.run("coastal", first)
     saved, state = run.before("router"), run.confirmed_state("router")
     assert saved is not None
@@ -110,36 +110,36 @@ def test_what_is_needed_stays(store: Store) -> None:
     killed = store.start(replace(STARTED, hosts=("gateway",))).run
     unknown = ran(store, "unknown", confirmed=False)
     refused = ran(store, "refused", confirmed=False)
-    for _ in range(KEPT):
+    for _ in range(KEPT_RUNS):
         ran(store, "left-as-found", confirmed=False)
     assert [run.id for run in store.runs("coastal")][:3] == [other, killed, unknown]
-    assert refused in store.archived("coastal")
+    assert refused in store.archived_runs("coastal")
     assert store.last_confirmed("coastal", ("cpe", "router"))["cpe"].run == other
-    assert [run.id for run in store.unfinished("coastal")] == [killed, unknown]
+    assert [run.id for run in store.unfinished_runs("coastal")] == [killed, unknown]
     settled = ran(store)
-    for _ in range(KEPT):
+    for _ in range(KEPT_RUNS):
         ran(store, "left-as-found", confirmed=False)
-    assert unknown in store.archived("coastal")
+    assert unknown in store.archived_runs("coastal")
     assert [run.id for run in store.runs("coastal")][:3] == [other, killed, settled]
-    assert [run.id for run in store.unfinished("coastal")] == [killed]
+    assert [run.id for run in store.unfinished_runs("coastal")] == [killed]
 
 
 def test_runs_of_one_second_have_names_of_their_own_though_some_are_put_aside(tmp_path: Path) -> None:
     store = Store(tmp_path, now=lambda: datetime(2026, 1, 1, tzinfo=UTC))
-    names = [ran(store, confirmed=False) for _ in range(2 * KEPT + 2)]
-    assert len({*names}) == len(names) == len(store.runs("coastal")) + len(store.archived("coastal"))
+    names = [ran(store, confirmed=False) for _ in range(2 * KEPT_RUNS + 2)]
+    assert len({*names}) == len(names) == len(store.runs("coastal")) + len(store.archived_runs("coastal"))
     assert names == sorted(names)
 
 
 def test_a_disk_that_does_not_take_the_archive_does_not_stop_a_run(store: Store, tmp_path: Path) -> None:
     (tmp_path / "real" / "coastal").mkdir(parents=True)
     (tmp_path / "real" / "coastal" / "archive").write_text("a file")
-    names = [ran(store) for _ in range(KEPT + 2)]
+    names = [ran(store) for _ in range(KEPT_RUNS + 2)]
     assert [run.id for run in store.runs("coastal")] == names
 
 
 def test_a_killed_backup_is_put_aside(store: Store) -> None:
     backup = store.start(replace(STARTED, purpose=Purpose.BACKUP)).run
-    for _ in range(KEPT):
+    for _ in range(KEPT_RUNS):
         ran(store)
-    assert store.archived("coastal") == (backup,)
+    assert store.archived_runs("coastal") == (backup,)

@@ -11,18 +11,18 @@ import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration, Host
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.saved_states import hosts_to_restore, saved_run
 from atlantis_netcfg.operations.restore import LATEST, confirmed_state
 from atlantis_netcfg.runs import (
+    DamagedStateError,
     LayerSent,
     NoSuchRun,
     Outcome,
-    RunEnded,
-    RunResumed,
-    RunStarted,
-    StateDamaged,
-    StateSaved,
+    RunEnd,
+    RunResume,
+    RunStart,
+    StateBackup,
     Store,
     read,
 )
@@ -32,14 +32,14 @@ AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
 
 @pytest.fixture
 def hosts(declaration: Declaration) -> tuple[Host, ...]:
-    return tuple(host for host in declaration.site_hosts("coastal") if handled(host))
+    return tuple(host for host in declaration.site_hosts("coastal") if is_supported(host))
 
 
 def recorded(state: Path, hosts: tuple[Host, ...], *, ended: bool = True) -> Path:
     """A run that has changed all hosts but the last, which was as declared."""
     names = tuple(host.name for host in hosts)
     store = Store(state, now=lambda: AT)
-    started = RunStarted(site="coastal", revision="ab", tool="1", hosts=names, rehearsed=False, command="provision")
+    started = RunStart(site="coastal", revision="ab", tool="1", hosts=names, rehearsed=False, command="provision")
     with store.start(started) as journal:
         for name in names[:-1]:
             journal.save(name, f"# {name}\n")
@@ -48,7 +48,7 @@ def recorded(state: Path, hosts: tuple[Host, ...], *, ended: bool = True) -> Pat
             journal.write(Outcome(device=name, status="changed", exit=0, message=""))
         journal.write(Outcome(device=names[-1], status="unchanged", exit=0, message=""))
         if ended:
-            journal.write(RunEnded(exit=0))
+            journal.write(RunEnd(exit=0))
     return journal.path
 
 
@@ -67,18 +67,18 @@ def test_a_rollback_names_every_host_or_ends_with_4(tmp_path: Path, hosts: tuple
     data = journal.read_bytes()
     names = [host.name for host in hosts]
     run = saved_run(tmp_path, "coastal", LATEST, names)
-    assert hosts_to_restore(run, hosts, named=False) == hosts[:-1]
+    assert hosts_to_restore(run, hosts, is_explicit=False) == hosts[:-1]
     whole = 0
     for spoilt in spoiled(data):
         journal.write_bytes(spoilt)
         run = saved_run(tmp_path, "coastal", journal.parent.name, names)
         try:
-            chosen = hosts_to_restore(run, hosts, named=False)
-        except StateDamaged:
+            chosen = hosts_to_restore(run, hosts, is_explicit=False)
+        except DamagedStateError:
             continue
         assert chosen == hosts[:-1], spoilt
         whole += 1
-    assert StateDamaged.exit is ExitCode.FAILED
+    assert DamagedStateError.exit is ExitCode.FAILED
     assert whole < 30, "only where the last line is lost alone"
 
 
@@ -90,20 +90,20 @@ def test_the_newest_run_is_not_passed_over_because_it_is_damaged(tmp_path: Path,
     run = saved_run(tmp_path, "coastal", LATEST, [host.name for host in hosts])
     assert run.id == journal.parent.name
     with pytest.raises(
-        StateDamaged, match=rf"journal of run {run.id} is damaged: line 2 \({hosts[0].name}\) is damaged"
+        DamagedStateError, match=rf"journal of run {run.id} is damaged: line 2 \({hosts[0].name}\) is damaged"
     ):
-        hosts_to_restore(run, hosts, named=True)
+        hosts_to_restore(run, hosts, is_explicit=True)
 
 
 def test_who_names_a_host_gets_what_was_saved_of_it(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
     journal = recorded(tmp_path, hosts)
     journal.write_bytes(journal.read_bytes().replace(b'"exit":0,"message"', b'"exit":1,"message"', 1))
     run = Store(tmp_path).runs("coastal")[0]
-    with pytest.raises(StateDamaged) as refused:
-        hosts_to_restore(run, hosts, named=False)
+    with pytest.raises(DamagedStateError) as refused:
+        hosts_to_restore(run, hosts, is_explicit=False)
     assert refused.value.hint is not None
     assert f"only={','.join(host.name for host in hosts[:-1])}`" in refused.value.hint
-    assert hosts_to_restore(run, hosts[:-1], named=True) == hosts[:-1]
+    assert hosts_to_restore(run, hosts[:-1], is_explicit=True) == hosts[:-1]
 
 
 def test_a_saved_file_that_is_gone_or_changed_is_told(tmp_path: Path, hosts: tuple[Host, ...]) -> None:
@@ -112,10 +112,10 @@ def test_a_saved_file_that_is_gone_or_changed_is_told(tmp_path: Path, hosts: tup
     assert saved is not None
     assert saved.text() == f"# {hosts[0].name}\n"
     saved.path.write_text("# other\n")
-    with pytest.raises(StateDamaged, match="cannot be used: it was changed since"):
+    with pytest.raises(DamagedStateError, match="cannot be used: it was changed since"):
         saved.text()
     saved.path.unlink()
-    with pytest.raises(StateDamaged, match="cannot be used: No such file"):
+    with pytest.raises(DamagedStateError, match="cannot be used: No such file"):
         saved.text()
     assert journal.exists()
 
@@ -126,7 +126,7 @@ def test_a_later_state_that_may_be_lost_is_not_passed_over(tmp_path: Path, hosts
     later = recorded(tmp_path, hosts)
     later.write_bytes(later.read_bytes().replace(b"state-confirmed", b"state-confirmet"))
     with pytest.raises(
-        StateDamaged, match=rf"{later.parent.name} is damaged.* a later state of {hosts[0].name}"
+        DamagedStateError, match=rf"{later.parent.name} is damaged.* a later state of {hosts[0].name}"
     ) as told:
         confirmed_state(tmp_path, hosts[0], LATEST)
     assert f"`to={first.parent.name}`" in str(told.value.hint)
@@ -141,8 +141,8 @@ def test_a_journal_without_checksums_is_read_and_continued_with_them(tmp_path: P
     records = read(journal).records
     assert (len(records), read(journal).damage) == (len(rows), ())
     store = Store(tmp_path)
-    with store.resume("coastal", journal.parent.name, RunResumed(revision="a", tool="2", command="x")) as again:
-        again.write(RunEnded(exit=0))
+    with store.resume("coastal", journal.parent.name, RunResume(revision="a", tool="2", command="x")) as again:
+        again.write(RunEnd(exit=0))
     assert (len(read(journal).records), read(journal).damage) == (len(rows) + 2, ())
     journal.write_bytes(journal.read_bytes().replace(b'"device"', b'"devise"', 1))
     assert read(journal).damage == ("line 2 is damaged", f"line {len(rows) + 1} is damaged")
@@ -153,7 +153,7 @@ def test_what_a_killed_run_left_of_a_line_goes_and_a_zeroed_tail_stays_damage(
 ) -> None:
     journal = recorded(tmp_path, hosts, ended=False)
     data, store = journal.read_bytes(), Store(tmp_path)
-    resumed = RunResumed(revision="a", tool="2", command="x")
+    resumed = RunResume(revision="a", tool="2", command="x")
     for torn, damage in ((b'{"at":"2026', 0), (b"{", 0), (bytes(40), 1)):
         journal.write_bytes(data + torn)
         assert read(journal).has_torn_end
@@ -168,9 +168,9 @@ def test_the_first_saved_state_counts_though_its_record_is_lost(tmp_path: Path, 
     name = hosts[0].name
     journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:1]))
     store = Store(tmp_path)
-    with store.resume("coastal", journal.parent.name, RunResumed(revision="a", tool="2", command="x")) as again:
+    with store.resume("coastal", journal.parent.name, RunResume(revision="a", tool="2", command="x")) as again:
         again.save(name, "# half changed\n")
-    saved = [record for record in read(journal).records if isinstance(record, StateSaved)]
+    saved = [record for record in read(journal).records if isinstance(record, StateBackup)]
     assert [record.sha256 for record in saved] == [
         hashlib.sha256(text).hexdigest() for text in (f"# {name}\n".encode(), b"# half changed\n")
     ]
@@ -181,7 +181,7 @@ def test_a_run_without_its_first_line_is_not_whole(tmp_path: Path, hosts: tuple[
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join(lines[1:]))
     run = Store(tmp_path).run("coastal", journal.parent.name)
-    assert run.started is None
+    assert run.start_record is None
     assert run.log.damage == (f"line 1 ({hosts[0].name}) is damaged",)
     with pytest.raises(NoSuchRun):
         Store(tmp_path).run("coastal", "no-run")

@@ -20,48 +20,48 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.lte.units import LteResult
 from atlantis_netcfg.routeros import Status
 from atlantis_netcfg.runs import (
-    ActionsAcknowledged,
-    ActionsConfirmed,
-    DeviceObserved,
+    ActionAcknowledgement,
+    ActionConfirmation,
+    DamagedStateError,
+    DeviceObservation,
     Journal,
-    JournalFailed,
+    JournalError,
     LayerSent,
     NoSuchRun,
     Outcome,
-    Planned,
     PlannedAction,
-    Protected,
+    PlanRecord,
+    ProtectionRecord,
     Purpose,
     Record,
-    Released,
+    ReleaseRecord,
     Releasing,
-    RunEnded,
-    RunResumed,
-    RunStarted,
-    Signed,
-    StateConfirmed,
-    StateDamaged,
-    StateSaved,
+    RollbackRecord,
+    RunEnd,
+    RunResume,
+    RunStart,
+    SignRecord,
+    StateBackup,
+    StateConfirmation,
     StatesOnly,
     Store,
-    Unrolled,
-    Verified,
+    VerificationRecord,
     conclude,
+    mark_unrecorded,
     new_run,
     read,
     run_order,
-    unrecorded,
 )
 
-STARTED = RunStarted(
+STARTED = RunStart(
     site="coastal", revision="ab" * 32, tool="0.1", hosts=("router", "cpe"), rehearsed=False, command="provision"
 )
 EVERY: tuple[Record, ...] = (
     STARTED,
-    RunResumed(revision="cd" * 32, tool="0.2", command="provision resume"),
-    DeviceObserved(device="router", version="7.18.2", identity="Küste", state="00"),
-    StateSaved(device="router", file="before/router.rsc", sha256="11"),
-    Planned(
+    RunResume(revision="cd" * 32, tool="0.2", command="provision resume"),
+    DeviceObservation(device="router", version="7.18.2", identity="Küste", state="00"),
+    StateBackup(device="router", file="before/router.rsc", sha256="11"),
+    PlanRecord(
         device="router",
         plan="22",
         actions=(
@@ -70,18 +70,18 @@ EVERY: tuple[Record, ...] = (
             ),
         ),
     ),
-    Protected(device="router", how="safe-mode"),
-    Signed(device="router", sign="run 1 of provision@10.0.0.2"),
+    ProtectionRecord(device="router", how="safe-mode"),
+    SignRecord(device="router", sign="run 1 of provision@10.0.0.2"),
     LayerSent(device="router", layer="foundation", actions=(1,)),
-    ActionsAcknowledged(device="router", actions=(1,)),
-    Verified(device="router", state="33"),
+    ActionAcknowledgement(device="router", actions=(1,)),
+    VerificationRecord(device="router", state="33"),
     Releasing(device="router"),
-    Released(device="router"),
-    ActionsConfirmed(device="router", actions=(1,)),
-    Unrolled(device="router", reason="a trap"),
-    StateConfirmed(device="router", file="confirmed/router-44.rsc", sha256="44"),
+    ReleaseRecord(device="router"),
+    ActionConfirmation(device="router", actions=(1,)),
+    RollbackRecord(device="router", reason="a trap"),
+    StateConfirmation(device="router", file="confirmed/router-44.rsc", sha256="44"),
     Outcome(device="router", status="changed", exit=0, message="1 of 1"),
-    RunEnded(exit=0),
+    RunEnd(exit=0),
 )
 
 
@@ -172,10 +172,10 @@ def test_resuming_closes_the_torn_line_and_appends(store: Store) -> None:
         run = journal.run
     with journal_file(journal).open("ab") as file:
         file.write(b'{"at":"2026')
-    with store.resume("coastal", run, RunResumed(revision="", tool="", command="c")) as again:
-        again.write(RunEnded(exit=0))
+    with store.resume("coastal", run, RunResume(revision="", tool="", command="c")) as again:
+        again.write(RunEnd(exit=0))
     loaded = store.run("coastal", run)
-    assert [type(record) for record in loaded.log.records] == [RunStarted, RunResumed, RunEnded]
+    assert [type(record) for record in loaded.log.records] == [RunStart, RunResume, RunEnd]
     assert (loaded.log.damage, loaded.log.has_torn_end) == ((), False)
     assert loaded.exit == 0
 
@@ -224,12 +224,12 @@ def test_a_confirmed_state_that_was_changed_or_lost_is_not_used_and_comes_anew(s
         state = store.run("coastal", journal.run).confirmed_state("router")
         assert state is not None
         state.path.write_text("something else")
-        with pytest.raises(StateDamaged, match="cannot be used: it was changed since"):
+        with pytest.raises(DamagedStateError, match="cannot be used: it was changed since"):
             state.text()
         journal.confirm("router", lambda: "one")
         assert state.text() == "one"
         state.path.unlink()
-        with pytest.raises(StateDamaged, match="cannot be used: No such file"):
+        with pytest.raises(DamagedStateError, match="cannot be used: No such file"):
             state.text()
         journal.confirm("router", lambda: "one")
         assert state.text() == "one"
@@ -243,7 +243,7 @@ def test_a_confirmed_state_that_does_not_fit_does_not_end_the_journal(
 
     with store.start(STARTED) as journal:
         monkeypatch.setattr("os.fsync", full)
-        with pytest.raises(JournalFailed, match="the confirmed state cannot be written"):
+        with pytest.raises(JournalError, match="the confirmed state cannot be written"):
             journal.confirm("router", lambda: "text")
         monkeypatch.undo()
         journal.write(EVERY[2])
@@ -268,11 +268,11 @@ def test_a_full_disk_is_said_in_words_and_ends_all_writing(store: Store, monkeyp
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
         monkeypatch.setattr("os.write", short)
-        with pytest.raises(JournalFailed, match="No space left on device") as failure:
+        with pytest.raises(JournalError, match="No space left on device") as failure:
             journal.write(EVERY[2])
         monkeypatch.undo()
         assert failure.value.exit is ExitCode.FAILED
-        with pytest.raises(JournalFailed, match="No space left on device"):
+        with pytest.raises(JournalError, match="No space left on device"):
             journal.write(EVERY[3])
     assert read(journal_file(journal)).records == (STARTED,)
     assert read(journal_file(journal)).damage == ()
@@ -299,9 +299,9 @@ def test_a_journal_that_is_gone_in_mid_run_is_said_and_nothing_takes_its_place(
     with store.start(STARTED) as journal:
         lost(tmp_path)
         kept = sorted(tmp_path.rglob("*"))
-        with pytest.raises(JournalFailed, match="the confirmed state cannot be written: the folder of the run was"):
+        with pytest.raises(JournalError, match="the confirmed state cannot be written: the folder of the run was"):
             journal.confirm("router", lambda: "text")
-        with pytest.raises(JournalFailed, match="the state before the run cannot be written: the folder of the run"):
+        with pytest.raises(JournalError, match="the state before the run cannot be written: the folder of the run"):
             journal.save("router", "text")
         assert sorted(tmp_path.rglob("*")) == kept
     shutil.rmtree(tmp_path / "elsewhere", ignore_errors=True)
@@ -309,7 +309,7 @@ def test_a_journal_that_is_gone_in_mid_run_is_said_and_nothing_takes_its_place(
         lost(tmp_path)
         for record in EVERY[2:4]:
             with pytest.raises(
-                JournalFailed, match="the journal cannot be written: the folder of the run was"
+                JournalError, match="the journal cannot be written: the folder of the run was"
             ) as failure:
                 journal.write(record)
         assert failure.value.hint is not None
@@ -329,11 +329,11 @@ def test_a_result_that_is_not_recorded_is_not_green_and_no_other_is_called_bette
 ) -> None:
     given = LteResult(name="unit", status=Status.CHANGED, exit=code, message="2 settings read back")
     with store.start(STARTED) as journal:
-        assert unrecorded(given, conclude(journal, EVERY[2])) is given
+        assert mark_unrecorded(given, conclude(journal, EVERY[2])) is given
         _deleted(tmp_path)
-        failure = conclude(journal, outcome("router", "changed"), RunEnded(exit=0))
+        failure = conclude(journal, outcome("router", "changed"), RunEnd(exit=0))
     assert failure is not None
-    told = unrecorded(unrecorded(given, failure), failure)
+    told = mark_unrecorded(mark_unrecorded(given, failure), failure)
     assert (told.exit, told.message) == (unproved, "2 settings read back; not recorded")
     assert told.notes == (str(failure),)
     assert told.hint == failure.hint
@@ -348,7 +348,7 @@ def test_a_backup_that_is_a_part_of_a_run_does_not_end_it(store: Store) -> None:
         inner.write(outcome("router", "unchanged"))
     run = store.run("coastal", journal.run)
     assert run.before("router") is not None
-    assert run.unsettled == ("router",)
+    assert run.unsettled_devices == ("router",)
     assert run.confirmed_state("router") is None
 
 
@@ -358,17 +358,17 @@ def test_a_saved_state_that_does_not_fit_leaves_nothing(store: Store, monkeypatc
 
     with store.start(STARTED) as journal:
         monkeypatch.setattr("os.fsync", full)
-        with pytest.raises(JournalFailed, match="the state before the run cannot be written"):
+        with pytest.raises(JournalError, match="the state before the run cannot be written"):
             journal.save("router", "text")
         monkeypatch.undo()
-        with pytest.raises(JournalFailed):
+        with pytest.raises(JournalError):
             journal.write(EVERY[2])
     assert [path for path in (journal.directory / "before").iterdir() if path.is_file()] == []
 
 
 def test_a_state_directory_that_cannot_be_written_is_said_in_words(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalFailed, match="the journal cannot be written"):
+    with pytest.raises(JournalError, match="the journal cannot be written"):
         Store(tmp_path).start(STARTED)
 
 
@@ -392,19 +392,19 @@ def outcome(device: str, status: str) -> Outcome:
 def test_unfinished_are_runs_with_a_device_that_nobody_has_settled(store: Store) -> None:
     with store.start(STARTED) as killed:
         killed.write(outcome("cpe", "unchanged"))
-    assert [run.id for run in store.unfinished("coastal")] == [killed.run]
-    assert store.run("coastal", killed.run).unsettled == ("router",)
+    assert [run.id for run in store.unfinished_runs("coastal")] == [killed.run]
+    assert store.run("coastal", killed.run).unsettled_devices == ("router",)
     with store.start(STARTED) as unknown:
         for device, status in (("cpe", "unknown"), ("router", "changed")):
             unknown.write(outcome(device, status))
-        unknown.write(RunEnded(exit=5))
-    assert [run.id for run in store.unfinished("coastal")] == [unknown.run]
-    with store.resume("coastal", unknown.run, RunResumed(revision="", tool="", command="")) as again:
+        unknown.write(RunEnd(exit=5))
+    assert [run.id for run in store.unfinished_runs("coastal")] == [unknown.run]
+    with store.resume("coastal", unknown.run, RunResume(revision="", tool="", command="")) as again:
         assert store.run("coastal", unknown.run).exit is None
         again.write(outcome("cpe", "changed"))
-        again.write(RunEnded(exit=0))
-    assert store.unfinished("coastal") == ()
-    assert store.unfinished("nowhere") == ()
+        again.write(RunEnd(exit=0))
+    assert store.unfinished_runs("coastal") == ()
+    assert store.unfinished_runs("nowhere") == ()
 
 
 @pytest.mark.parametrize("status", ["left-as-found", "refused", "rolled-back", "planned", "drifted", "half-adopted"])
@@ -414,8 +414,8 @@ def test_a_run_that_was_refused_or_taken_back_settles_nothing_of_an_earlier_one(
     with store.start(STARTED) as refused:
         for device in STARTED.hosts:
             refused.write(outcome(device, status))
-        refused.write(RunEnded(exit=4))
-    assert [run.id for run in store.unfinished("coastal")] == [killed.run]
+        refused.write(RunEnd(exit=4))
+    assert [run.id for run in store.unfinished_runs("coastal")] == [killed.run]
 
 
 SETTLING = {
@@ -436,43 +436,43 @@ def test_only_a_run_that_does_the_same_settles_an_earlier_one(store: Store, earl
         for device in STARTED.hosts:
             second.write(outcome(device, "changed"))
     settled = (later, earlier) in SETTLING or earlier is Purpose.BACKUP
-    assert [run.id for run in store.unfinished("coastal")] == ([] if settled else [killed.run])
+    assert [run.id for run in store.unfinished_runs("coastal")] == ([] if settled else [killed.run])
 
 
 def test_a_device_that_may_still_hold_something_of_a_run_is_not_settled(store: Store) -> None:
     with store.start(STARTED) as lost:
         lost.write(outcome("cpe", "unchanged"))
         lost.write(replace(outcome("router", "left-as-found"), open=True))
-    assert store.run("coastal", lost.run).unsettled == ("router",)
-    assert store.history("coastal", "router").unfinished()
-    assert not store.history("coastal", "cpe").unfinished()
-    assert not store.history("coastal", "router", current=lost.run).unfinished()
+    assert store.run("coastal", lost.run).unsettled_devices == ("router",)
+    assert store.history("coastal", "router").has_unfinished_run()
+    assert not store.history("coastal", "cpe").has_unfinished_run()
+    assert not store.history("coastal", "router", current=lost.run).has_unfinished_run()
 
 
 def test_a_sign_is_known_by_the_journal_that_holds_it_or_by_the_run_that_a_person_names(store: Store) -> None:
     sign = f"run 20260504T030201Z of {STARTED.command}@10.0.0.2"
     with store.start(STARTED) as journal:
-        journal.write(Signed(device="router", sign=sign))
+        journal.write(SignRecord(device="router", sign=sign))
     history = store.history("coastal", "router", dead="another")
-    assert history.signed(journal.run, sign)
-    assert not history.signed(journal.run, sign.replace("10.0.0.2", "10.0.0.3"))
-    assert not store.history("coastal", "cpe").signed(journal.run, sign)
-    assert not history.signed("unknown", sign)
-    assert history.signed("another", "run another of somebody")
+    assert history.can_take_over(journal.run, sign)
+    assert not history.can_take_over(journal.run, sign.replace("10.0.0.2", "10.0.0.3"))
+    assert not store.history("coastal", "cpe").can_take_over(journal.run, sign)
+    assert not history.can_take_over("unknown", sign)
+    assert history.can_take_over("another", "run another of somebody")
 
 
 def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
     with store.start(STARTED) as journal:
         for record in EVERY[2:]:
             journal.write(record)
-        journal.write(ActionsAcknowledged(device="router", actions=(3, 2)))
+        journal.write(ActionAcknowledgement(device="router", actions=(3, 2)))
     run = store.run("coastal", journal.run)
-    assert run.acknowledged("router") == (1, 2, 3)
-    assert run.confirmed("router") == (1,)
-    assert run.confirmed("cpe") == ()
+    assert run.acknowledged_actions("router") == (1, 2, 3)
+    assert run.confirmed_actions("router") == (1,)
+    assert run.confirmed_actions("cpe") == ()
     assert run.before("cpe") is None
     assert run.at == datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
-    assert run.started == STARTED
+    assert run.start_record == STARTED
 
 
 KILLED = """
@@ -499,7 +499,7 @@ def test_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
                 process.stdout.readline()
             os.kill(process.pid, signal.SIGKILL)
     for written, run in enumerate(Store(tmp_path).runs("coastal"), start=1):
-        numbers = run.acknowledged("router")
+        numbers = run.acknowledged_actions("router")
         assert numbers == tuple(range(1, len(numbers) + 1))
         assert len(numbers) >= written
-        assert run.unsettled == ("router",)
+        assert run.unsettled_devices == ("router",)

@@ -13,7 +13,7 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.runs import JournalFailed, Pins, PinsDamaged, SiteBusy, Store, write_atomically
+from atlantis_netcfg.runs import DamagedPinsError, JournalError, Pins, SiteBusy, Store, write_atomically
 
 HOLD = """
 import sys
@@ -84,7 +84,7 @@ def test_a_dead_name_in_the_file_is_not_blamed(tmp_path: Path) -> None:
 
 
 def test_sites_are_locked_apart_and_rehearsals_not_at_all(tmp_path: Path) -> None:
-    real, rehearsal = Store(tmp_path), Store(tmp_path, rehearsed=True)
+    real, rehearsal = Store(tmp_path), Store(tmp_path, is_rehearsal=True)
     with (
         real.lock("coastal", "a"),
         real.lock("scc", "b"),
@@ -117,7 +117,7 @@ def test_the_first_certificate_is_pinned_and_stays(tmp_path: Path) -> None:
     assert pins.pin("router", "aa") == "aa"
     assert pins.pin("router", "bb") == "aa"
     assert Store(tmp_path).pins.get("router") == "aa"
-    assert Store(tmp_path, rehearsed=True).pins.get("router") is None
+    assert Store(tmp_path, is_rehearsal=True).pins.get("router") is None
 
 
 def test_a_pin_changes_only_when_told(tmp_path: Path) -> None:
@@ -152,9 +152,9 @@ def test_pins_of_several_writers_are_all_kept(tmp_path: Path) -> None:
 def test_damaged_pins_trust_nobody(tmp_path: Path, text: str) -> None:
     (tmp_path / "pins.json").write_text(text)
     pins = Pins(tmp_path / "pins.json")
-    with pytest.raises(PinsDamaged, match="cannot be read"):
+    with pytest.raises(DamagedPinsError, match="cannot be read"):
         pins.get("router")
-    with pytest.raises(PinsDamaged):
+    with pytest.raises(DamagedPinsError):
         pins.pin("router", "aa")
     assert (tmp_path / "pins.json").read_text() == text
 
@@ -176,7 +176,7 @@ def test_a_failed_replacement_leaves_the_old_file(tmp_path: Path, monkeypatch: p
 
 def test_a_lock_that_cannot_be_made_is_said_in_words(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalFailed, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
+    with pytest.raises(JournalError, match="the site lock cannot be written"), Store(tmp_path).lock("coastal", "c"):
         pass
 
 

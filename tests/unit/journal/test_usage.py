@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from atlantis_netcfg.runs import Counters, JournalFailed, MonthBytes, StateDamaged, Store, Usage
+from atlantis_netcfg.runs import Counters, DamagedStateError, JournalError, MonthBytes, Store, Usage
 
 NOON = datetime(2026, 11, 21, 12, tzinfo=UTC)
 
@@ -111,7 +111,7 @@ def test_old_months_go(usage: Usage, tmp_path: Path) -> None:
 
 
 def test_rehearsals_keep_their_own(tmp_path: Path) -> None:
-    real, rehearsed = Store(tmp_path).usage("coastal"), Store(tmp_path, rehearsed=True).usage("coastal")
+    real, rehearsed = Store(tmp_path).usage("coastal"), Store(tmp_path, is_rehearsal=True).usage("coastal")
     real.record("satellite", look(1, 1))
     rehearsed.record("satellite", look(5, 5))
     assert rehearsed.record("satellite", look(9, 9, after_s=1)) == 8
@@ -128,16 +128,16 @@ def test_a_damaged_file_is_said_and_left_as_it_is(usage: Usage, tmp_path: Path, 
     path = tmp_path / "real" / "coastal" / "usage.json"
     path.parent.mkdir(parents=True)
     path.write_text(text)
-    with pytest.raises(StateDamaged, match="the bytes of this month cannot be read"):
+    with pytest.raises(DamagedStateError, match="the bytes of this month cannot be read"):
         usage.record("satellite", look(1, 1))
-    with pytest.raises(StateDamaged):
+    with pytest.raises(DamagedStateError):
         usage.month("satellite", NOON)
     assert path.read_text() == text
 
 
 def test_a_place_that_is_no_folder_is_said(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("a file")
-    with pytest.raises(JournalFailed, match="the bytes of this month cannot be written"):
+    with pytest.raises(JournalError, match="the bytes of this month cannot be written"):
         Store(tmp_path).usage("coastal").record("satellite", look(1, 1))
 
 

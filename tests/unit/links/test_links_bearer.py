@@ -13,7 +13,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
 from atlantis_netcfg.links.policy import BearerRoute
 from atlantis_netcfg.operations.links.session import Echo, RouterReading, SeenNeighbour, SessionPort
-from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, ranked, twice
+from atlantis_netcfg.operations.links.status import BoxesStatus, SeenLinks, Silent, bearer_status, rank, twice
 
 CASES = yaml.safe_load(Path(__file__).with_name("bearer_cases.yml").read_text(encoding="utf-8"))
 SILENT = Silent("box", "nobody answers", "has it power?")
@@ -33,7 +33,7 @@ def reading(case: Mapping[str, Any], name: str = "link", port: str = "ether3") -
     neighbours = tuple(SeenNeighbour(address, "02:00:5E:00:00:01") for address in case.get("neighbours", []))
     return RouterReading(
         ports=ports,
-        renamed={port: case["renamed"]} if "renamed" in case else {},
+        port_aliases={port: case["renamed"]} if "renamed" in case else {},
         echoes={name: echoes} if echoes else {},
         neighbours={port: neighbours},
     )
@@ -97,7 +97,7 @@ def status(name: str, state: str, *, active: bool | None) -> BearerStatus:
 def test_what_follows_from_the_order(states: tuple[str, ...], active: str | None, codes: dict[str, str]) -> None:
     names = ("wifi", "4g", "sat")
     given = [status(name, state, active=name == active) for name, state in zip(names, states, strict=True)]
-    found = ranked(given, 120)
+    found = rank(given, 120)
     assert {one.name: finding.code for one in found for finding in one.findings} == codes
     paid = [finding.message for one in found for finding in one.findings if "every byte is paid" in finding.message]
     assert len(paid) == (active == "4g")
@@ -105,4 +105,4 @@ def test_what_follows_from_the_order(states: tuple[str, ...], active: str | None
 
 def test_nothing_follows_from_an_order_that_nobody_could_read() -> None:
     given = [status(name, "up", active=None) for name in ("wifi", "4g")]
-    assert ranked(given, 120) == tuple(given)
+    assert rank(given, 120) == tuple(given)

@@ -33,7 +33,7 @@ def modem(**said: Any) -> Iterator[RunningModem]:  # noqa: ANN401 (fields of Mod
         try:
             yield running
         finally:
-            HEARD.extend(running.heard)
+            HEARD.extend(running.inputs)
             assert running.forbidden == []
 
 
@@ -46,8 +46,8 @@ def test_readings(case: dict[str, Any]) -> None:
     with modem(**spec) as running:
         look = at.read(running.path)
         assert dataclasses.asdict(look.reading) == expected | {"state": Registration(expected["state"])}
-        assert running.heard[: len(at.READS)] == list(at.READS)
-        assert look.commands == len(running.heard)
+        assert running.inputs[: len(at.READS)] == list(at.READS)
+        assert look.commands == len(running.inputs)
 
 
 def test_read_twice_reads_the_same() -> None:
@@ -78,9 +78,9 @@ def test_a_port_that_somebody_has_is_left_alone() -> None:
         )
         assert holder.stdout is not None
         assert holder.stdout.readline() == "open\n"
-        with pytest.raises(at.PortOwned, match=rf"process {holder.pid}\)"):
+        with pytest.raises(at.PortBusy, match=rf"process {holder.pid}\)"):
             at.read(running.path)
-        assert running.heard == []
+        assert running.inputs == []
         holder.communicate("\n")
         assert at.read(running.path).reading.state is Registration.REGISTERED_HOME
 
@@ -90,7 +90,7 @@ def test_a_lock_file_of_a_living_process_counts(tmp_path: Path) -> None:
     (proc / "4711").mkdir(parents=True)
     (proc / "4711" / "comm").write_text("pppd\n")
     (tmp_path / "LCK..ttyUSB2").write_text("      4711\n")
-    with pytest.raises(at.PortOwned, match=r"pppd, process 4711, by "):
+    with pytest.raises(at.PortBusy, match=r"pppd, process 4711, by "):
         at.require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
     (tmp_path / "LCK..ttyUSB2").write_text("      4712\n")
     at.require_free("/dev/ttyUSB2", proc=proc, locks=(tmp_path,))
@@ -104,7 +104,7 @@ def test_modem_manager_owns_every_modem(tmp_path: Path) -> None:
         assert process.stdout is not None
         process.stdin.write(b"here\n")
         assert process.stdout.read(5) == b"here\n"
-        with pytest.raises(at.PortOwned) as caught:
+        with pytest.raises(at.PortBusy) as caught:
             at.require_free("/dev/ttyUSB2", locks=())
         process.communicate()
     assert f"(process {process.pid})" in str(caught.value)
@@ -124,7 +124,7 @@ def test_what_is_no_read_is_refused_before_the_wire(command: str) -> None:
         with at.AtModem(running.path) as opened, pytest.raises(at.CommandForbidden) as caught:
             opened.ask(command)
         assert "1234" not in str(caught.value)
-        assert running.heard == []
+        assert running.inputs == []
 
 
 def test_every_command_in_the_product_is_allowed() -> None:
@@ -142,7 +142,7 @@ def test_every_command_in_the_product_is_allowed() -> None:
             and isinstance(node.value, str)
             and re.fullmatch(r"AT(?:[A-Z]\d?|[+^*$&#%].+)", node.value.strip(), re.IGNORECASE)
         }
-    assert found == at.ALLOWED
+    assert found == at.ALLOW_LIST
 
 
 def test_one_place_writes_to_the_port_and_it_checks() -> None:
@@ -156,20 +156,20 @@ def test_one_place_writes_to_the_port_and_it_checks() -> None:
     assert [path for path, _ in writes] == [driver_file]
     lines = driver_file.read_text(encoding="utf-8").splitlines()
     before = "\n".join(lines[: writes[0][1]])
-    assert before.index("data = checked(command)") < before.index("port.write(data)")
+    assert before.index("data = require_allowed(command)") < before.index("port.write(data)")
 
 
 def test_the_allow_list_holds_reads_only() -> None:
     documented = {'AT+QENG="servingcell"'}
-    assert {command for command in at.ALLOWED if "=" in command} <= documented
-    assert not [command for command in at.ALLOWED if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
+    assert {command for command in at.ALLOW_LIST if "=" in command} <= documented
+    assert not [command for command in at.ALLOW_LIST if re.match(r"AT\+(CGSN|CIMI|CCID|ICCID|QCCID)", command)]
 
 
 def test_zz_all_that_was_heard_is_allowed() -> None:
     """Dynamic: the recorder at the port during all tests of this file that ran in this process."""
     with modem() as running:
         at.read(running.path)
-    assert set(HEARD) <= at.ALLOWED
+    assert set(HEARD) <= at.ALLOW_LIST
     assert set(at.READS) <= set(HEARD)
 
 

@@ -20,12 +20,12 @@ from atlantis_netcfg.links.lte.rutos_client import CertificateUnknown
 from atlantis_netcfg.links.lte.rutos_read import read
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.lte.assumptions import ASSUMPTIONS, judge
-from atlantis_netcfg.operations.verify import Verifying, written
+from atlantis_netcfg.operations.verify import Verifying, write_report
 from atlantis_netcfg.routeros.assumptions import READS
 
 PACKAGE = Path(__file__).parents[3] / "atlantis_netcfg"
 IDS = [each.id for each in ASSUMPTIONS]
-BY_READING = {each.id for each in ASSUMPTIONS if each.shown == READS}
+BY_READING = {each.id for each in ASSUMPTIONS if each.proof == READS}
 BY_PAGES = {"rutos-address", "rutos-serial"}
 """These need pages that older firmware does not have."""
 
@@ -41,7 +41,7 @@ def test_the_rows_say_everything_once() -> None:
         assert each.id.startswith("rutos-")
         assert each.sentence.endswith(".")
         assert each.rests.endswith(".")
-        assert each.shown == READS or each.shown.startswith("needs a person: ")
+        assert each.proof == READS or each.proof.startswith("needs a person: ")
 
 
 def test_the_code_names_every_row_and_no_other() -> None:
@@ -84,7 +84,7 @@ def test_older_firmware_shows_what_it_tells(tmp_path: Path) -> None:
 
 
 def test_what_a_user_may_not_read_is_not_shown(tmp_path: Path) -> None:
-    found = verdicts(tmp_path, hidden=("/api/interfaces/basic/status",), missing=("/api/system/device/status",))
+    found = verdicts(tmp_path, hidden_pages=("/api/interfaces/basic/status",), missing=("/api/system/device/status",))
     assert with_verdict(found, Verdict.PASS) == BY_READING - BY_PAGES
     assert with_verdict(found, Verdict.FAIL) == set()
 
@@ -154,8 +154,8 @@ def test_a_unit_at_its_address_is_told_no_password_before_it_is_known(tmp_path: 
             verifying(running, tmp_path / "state").run()
         assert (emulated.web.requests, TRUST in str(caught.value.hint)) == ([], True)
         verified = verifying(running, tmp_path / "state", fingerprint=endpoint.pin).run()
-    assert (verified.exit, verified.rehearsed, verified.number(Verdict.PASS)) == (0, False, len(BY_READING))
-    file = written(verified, tmp_path / "state").file
+    assert (verified.exit, verified.is_rehearsal, verified.number(Verdict.PASS)) == (0, False, len(BY_READING))
+    file = write_report(verified, tmp_path / "state").file
     assert file is not None
     kept = file.read_text(encoding="utf-8")
     assert "te4sea-4g" in kept

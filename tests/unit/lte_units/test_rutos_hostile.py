@@ -11,7 +11,7 @@ import pytest
 from impostor import served
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.links.lte.rutos_client import RutosEndpoint, RutosRefused, RutosUnreachable
+from atlantis_netcfg.links.lte.rutos_client import RutosEndpoint, RutosError, RutosUnreachable
 from atlantis_netcfg.links.lte.rutos_read import read
 
 HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
@@ -114,7 +114,7 @@ def test_an_answer_that_is_none_of_rutos_is_told_as_that(tmp_path: Path, body: b
     for old in (False, True):  # noqa: B007 - `serve` reads it
         with served(tmp_path, serve) as unit:
             at = RutosEndpoint("127.0.0.1", unit.port, "reader", Secret("x"), unit.fingerprint, timeout_s=5)
-            with pytest.raises(RutosRefused, match=r"is not one of (RutOS|ubus)"):
+            with pytest.raises(RutosError, match=r"is not one of (RutOS|ubus)"):
                 read(at)
 
 

@@ -14,14 +14,14 @@ from atlantis_netcfg.links.lte.rutos_settings import (
     SHOW,
     WRITE,
     LteSettings,
-    SettingRefused,
+    SettingError,
     batch,
     changes,
     parse_show,
     pin_held,
 )
 from atlantis_netcfg.routeros.console.ssh import open_commands
-from atlantis_netcfg.routeros.console.types import HostKeyChanged, LoginFailed, UnknownHostKey
+from atlantis_netcfg.routeros.console.types import ConsoleLoginError, HostKeyMismatch, UnknownHostKey
 
 HOME = LteReading(source="rutos", state=Registration.REGISTERED_HOME, sim_slot=1)
 LOCKED = LteReading(source="rutos", state=Registration.SIM_PIN_REQUIRED, sim_slot=1, pin_tries_left=3)
@@ -93,28 +93,28 @@ def test_a_pin_is_set_only_while_the_card_asks_for_one() -> None:
     ],
 )
 def test_when_nothing_may_be_set(reading: LteReading, pin: Secret | None, tried: str, why: str | None) -> None:
-    held = pin_held(reading, LteSettings(pin=pin), parse_show(SHOWN), tried=tried)
+    held = pin_held(reading, LteSettings(pin=pin), parse_show(SHOWN), pin_refusal=tried)
     assert held is None if why is None else why in str(held)
 
 
 def test_a_saved_pin_that_did_not_help_is_wrong() -> None:
     sections = parse_show(SHOWN + "simcard.@sim[0].pincode='1234'\n")
-    assert "has the declared PIN saved" in str(pin_held(LOCKED, LteSettings(pin=PIN), sections, tried=""))
+    assert "has the declared PIN saved" in str(pin_held(LOCKED, LteSettings(pin=PIN), sections, pin_refusal=""))
 
 
 @pytest.mark.parametrize(
     ("shown", "words"), [("network.lan=interface\n", "no mobile interface for slot 1"), ("", "no mobile interface")]
 )
 def test_an_unexpected_configuration_is_refused(shown: str, words: str) -> None:
-    with pytest.raises(SettingRefused, match=words):
+    with pytest.raises(SettingError, match=words):
         changes(HOME, LteSettings(apn="internet"), parse_show(shown))
-    with pytest.raises(SettingRefused, match="no section `sim` for slot 1"):
+    with pytest.raises(SettingError, match="no section `sim` for slot 1"):
         changes(HOME, LteSettings(), parse_show(shown))
 
 
 @pytest.mark.parametrize("bad", ["it's", "a\\b", "a\nset network.lan.proto='x"])
 def test_nothing_can_break_out_of_its_quotes(bad: str) -> None:
-    with pytest.raises(SettingRefused) as caught:
+    with pytest.raises(SettingError) as caught:
         changes(HOME, LteSettings(apn="internet", password=Secret(bad)), parse_show(SHOWN))
     assert bad not in str(caught.value)
 
@@ -131,7 +131,7 @@ def test_set_over_ssh_and_read_back(tmp_path: Path) -> None:
                 *("auto_apn", "apn", "auth", "username", "password"),
                 "deny_roaming",
             ]
-            end = ssh.run(WRITE, given=batch(before))
+            end = ssh.run(WRITE, input_text=batch(before))
             assert (end.code, end.error) == (0, "")
             assert ssh.run(RELOAD).code == 0
             assert changes(HOME, wanted, parse_show(ssh.run(SHOW).out)) == ()
@@ -141,9 +141,9 @@ def test_set_over_ssh_and_read_back(tmp_path: Path) -> None:
         assert (twin.uci.commits, twin.modem.settings["apn"]) == (2, "internet")
         with pytest.raises(UnknownHostKey):
             open_commands(*door, Secret("an-admin's"), pin=None)
-        with pytest.raises(HostKeyChanged):
+        with pytest.raises(HostKeyMismatch):
             open_commands(*door, Secret("an-admin's"), pin="SHA256:another")
-        with pytest.raises(LoginFailed):
+        with pytest.raises(ConsoleLoginError):
             open_commands(*door, Secret("wrong"), pin=at["host_key"])
 
 
@@ -154,6 +154,6 @@ def test_the_twin_refuses_what_uci_refuses(tmp_path: Path) -> None:
             assert ssh.run("uci show nosuch") == dataclasses.replace(
                 ssh.run("uci show nosuch"), code=1, out="", error="uci: Entry not found\n"
             )
-            end = ssh.run(WRITE, given="set network.nosuch.apn='x'\nset network.mob1s1a1.nosuch='x'\nfoo\n")
+            end = ssh.run(WRITE, input_text="set network.nosuch.apn='x'\nset network.mob1s1a1.nosuch='x'\nfoo\n")
             assert end.error.splitlines() == ["uci: Entry not found", "uci: Invalid argument", "Unknown command"]
             assert ssh.run("rm -rf /").code == 127

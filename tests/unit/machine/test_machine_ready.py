@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.emulator.lab import MachineFailed, open_lab, provide, why_not
+from atlantis_netcfg.emulator.lab import MachineError, open_lab, provide, why_not
 from atlantis_netcfg.emulator.lab import lab as ready
 
 
@@ -65,7 +65,7 @@ def test_a_container_that_may_not_make_namespaces(monkeypatch: pytest.MonkeyPatc
 def test_a_yard_says_why_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("ATLANTIS_NO_MACHINES", "1")
     with (
-        pytest.raises(MachineFailed, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"),
+        pytest.raises(MachineError, match="no machine can be run here: ATLANTIS_NO_MACHINES is set"),
         open_lab(tmp_path),
     ):
         pytest.fail("it stands")

@@ -10,7 +10,7 @@ import debian_trees
 import pytest
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.emulator.lab import MachineFailed, TreeSpec, build_rootfs, rootfs
+from atlantis_netcfg.emulator.lab import MachineError, TreeSpec, build_rootfs, rootfs
 from atlantis_netcfg.emulator.lab.rootfs import KEPT_DAYS, in_use
 
 BUILT = """\
@@ -104,7 +104,7 @@ def test_mmdebstrap_holds_the_lock_beyond_the_life_of_its_caller(builds: Path, t
 
 def test_its_failure_is_told_with_its_last_lines(builds: Path, tmp_path: Path) -> None:
     (tmp_path / "bin" / "mmdebstrap").write_text(REFUSED)
-    with pytest.raises(MachineFailed) as caught:
+    with pytest.raises(MachineError) as caught:
         build_rootfs(TreeSpec(packages=("no-such-package",)), tmp_path / "cache")
     assert str(caught.value) == (
         "no Debian bookworm for machines could be built: mmdebstrap ended with 25:\n"

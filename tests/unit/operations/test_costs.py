@@ -18,18 +18,18 @@ from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.inventory import load as load_inventory
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
-from atlantis_netcfg.links.cost import CostRefused
+from atlantis_netcfg.links.cost import CostRefusal
 from atlantis_netcfg.operations import Mode, Request, Target, apply
 from atlantis_netcfg.operations.common.costs import Costs, Meter, beforehand, gate, ports_of, ways_of
 from atlantis_netcfg.operations.common.jobs import device_job
-from atlantis_netcfg.operations.common.kinds import handled, managed
+from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.request import ACCEPT_COST as ACCEPT
 from atlantis_netcfg.operations.common.request import REMOVE_FOREIGN, of_variables
 from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros import DeviceResult, Status
-from atlantis_netcfg.routeros._types import Facts, Observed, PortCounts
+from atlantis_netcfg.routeros._types import Facts, Observation, PortCounts
 from atlantis_netcfg.routeros.estimate import MOST_TEXT, Estimate
-from atlantis_netcfg.runs import CostCounted, NoJournal, Record, Store
+from atlantis_netcfg.runs import CostRecord, NoJournal, Record, Store
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
 ROUTER = "coastal-router"
@@ -69,13 +69,13 @@ def request(tmp_path: Path, via: str | None = "satellite", **more: Any) -> Reque
     return Request(state=tmp_path, via={ROUTER: via} if via else {}, command="provision site=coastal", **more)
 
 
-def routes(*bearers: str) -> Observed:
+def routes(*bearers: str) -> Observation:
     """A router whose active default routes lead to the next hops of these bearers."""
     hops = {"wifi-ptp": "10.10.0.1", "4g": "10.10.1.1", "satellite": "10.10.2.1"}
     rows = tuple(
         {"dst-address": "0.0.0.0/0", "gateway": hops[name], "active": "true", "distance": "1"} for name in bearers
     )
-    return Observed(FACTS, {"/ip/route": rows})
+    return Observation(FACTS, {"/ip/route": rows})
 
 
 # --- before the first byte ---------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def routes(*bearers: str) -> Observed:
 def test_nothing_goes_over_a_metered_link_before_somebody_has_agreed(
     declaration: Declaration, tmp_path: Path, mode: Mode
 ) -> None:
-    with pytest.raises(CostRefused, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
+    with pytest.raises(CostRefusal, match=r"nothing was sent: over satellite of coastal, .* [0-9.]+ EUR$") as refused:
         gate(declaration, [declaration.hosts[ROUTER]], request(tmp_path, mode=mode))
     assert refused.value.exit is ExitCode.FAILED
     assert "`--accept-cost`" in (refused.value.hint or "")
@@ -97,7 +97,7 @@ def test_a_gateway_spends_nothing_unasked_either(declaration: Declaration, tmp_p
     over = {"via": {gateway.name: "satellite"}, "command": "provision site=coastal"}
     for mode in (Mode.PLAN, Mode.APPLY, Mode.DRIFT):
         asked = Request(state=tmp_path, mode=mode, **over)
-        with pytest.raises(CostRefused, match="nothing was sent: over satellite of coastal"):
+        with pytest.raises(CostRefusal, match="nothing was sent: over satellite of coastal"):
             gate(declaration, [gateway], asked)
         gate(declaration, [gateway], asked.model_copy(update={"accept_cost": True}))
     (look,) = beforehand(declaration, [gateway], Request(state=tmp_path, mode=Mode.PLAN, **over))
@@ -108,13 +108,13 @@ def test_a_gateway_spends_nothing_unasked_either(declaration: Declaration, tmp_p
     both = beforehand(declaration, [gateway, declaration.hosts[ROUTER]], request(tmp_path))
     assert both == beforehand(declaration, [declaration.hosts[ROUTER]], request(tmp_path)), "each by its own way"
     gate(declaration, [gateway], Request(state=tmp_path, mode=Mode.BACKUP, **over))
-    with pytest.raises(CostRefused, match="no action may send more than"):
+    with pytest.raises(CostRefusal, match="no action may send more than"):
         gate(capped(declaration, 0.05), [gateway], Request(state=tmp_path, accept_cost=True, **over))
 
 
 def test_a_playbook_is_told_its_own_word(declaration: Declaration, tmp_path: Path) -> None:
     plain = Request(state=tmp_path, via={ROUTER: "satellite"})
-    with pytest.raises(CostRefused) as refused:
+    with pytest.raises(CostRefusal) as refused:
         gate(declaration, [declaration.hosts[ROUTER]], plain)
     assert "`-e atlantis_accept_cost=true`" in (refused.value.hint or "")
 
@@ -135,7 +135,7 @@ def test_a_link_that_the_site_lacks_is_refused_everywhere(declaration: Declarati
 
 
 def test_no_consent_lifts_the_cap(declaration: Declaration, tmp_path: Path) -> None:
-    with pytest.raises(CostRefused, match=r"no action may send more than 1\.0 kB there") as refused:
+    with pytest.raises(CostRefusal, match=r"no action may send more than 1\.0 kB there") as refused:
         gate(capped(declaration, 0.001), [declaration.hosts[ROUTER]], request(tmp_path, accept_cost=True))
     assert "`cap_mb` of bearer `satellite` in group_vars/coastal.yml" in (refused.value.hint or "")
 
@@ -156,7 +156,7 @@ def test_a_unit_without_a_way_of_its_own_is_reached_as_its_router_is(declaration
     assert named.link.name == "4g"
     assert beforehand(declaration, [unit], Request(state=tmp_path, via={"te4sea-router": "lan"})) == ()
     assert beforehand(declaration, [declaration.hosts["te4sea-sat"]], Request(state=tmp_path)) == ()
-    with pytest.raises(CostRefused, match="nobody has agreed to pay"):
+    with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
         gate(declaration, [unit], Request(state=tmp_path, mode=Mode.PLAN))
 
 
@@ -191,7 +191,10 @@ def test_devices_on_one_link_are_added_up_and_reading_costs_less(declaration: De
 
 def test_the_bound_before_reading_is_above_every_text_of_the_pilot(declaration: Declaration, tmp_path: Path) -> None:
     texts = [
-        text for host in declaration.hosts.values() if handled(host) for text in managed(declaration, host).texts()
+        text
+        for host in declaration.hosts.values()
+        if is_supported(host)
+        for text in get_managed_device(declaration, host).texts()
     ]
     longest = max(len(text.text.encode()) for text in texts)
     assert longest < MOST_TEXT < 2 * longest
@@ -209,7 +212,7 @@ def test_the_plain_door_is_guarded(declaration: Declaration, tmp_path: Path, mon
     real = replace(declaration, pilot=declaration.pilot.model_copy(update={"example_values": False}))
     monkeypatch.setattr(apply, "declaration_of", lambda *_, **__: real)
     for plan_only in (True, False):
-        with pytest.raises(CostRefused, match="nobody has agreed to pay"):
+        with pytest.raises(CostRefusal, match="nobody has agreed to pay"):
             apply.perform(INVENTORY, ["te4sea-router"], {"state": str(tmp_path)}, plan_only=plan_only, decrypt=str)
     assert not (tmp_path / "real").exists()
 
@@ -242,7 +245,7 @@ def test_every_command_whose_session_may_go_over_a_link_can_be_told_to_pay() -> 
 
 def test_without_a_route_the_declared_link_is_what_carries_it(declaration: Declaration, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
-    admission = meter.judge(routes(), SMALL, spends=True, planned=False)
+    admission = meter.judge(routes(), SMALL, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal) == ((), None)
     assert (meter.active, meter.link.name) == (None, "satellite")
 
@@ -251,7 +254,7 @@ def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so
     declaration: Declaration, tmp_path: Path
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp"))
-    refused = meter.judge(routes("4g"), SMALL, spends=True, planned=False)
+    refused = meter.judge(routes("4g"), SMALL, spends=True, is_plan=False)
     (note,) = refused.notes
     assert note == (
         f"{ROUTER} is declared to be reached over wifi-ptp, but its traffic goes over 4g now,"
@@ -260,26 +263,26 @@ def test_a_run_that_goes_over_a_dear_link_because_the_better_one_is_down_says_so
     assert refused.refusal is not None
     assert refused.refusal.startswith("nobody has agreed to pay for it: over 4g of coastal")
     assert refused.hint == "type the same with `--accept-cost`, or wait until wifi-ptp is back"
-    for harmless in ({"spends": False, "planned": False}, {"spends": True, "planned": True}):
+    for harmless in ({"spends": False, "is_plan": False}, {"spends": True, "is_plan": True}):
         told = meter.judge(routes("4g"), SMALL, **harmless)
         assert (told.notes, told.refusal) == (refused.notes, None)
     accepted = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, "wifi-ptp", accept_cost=True))
-    assert accepted.judge(routes("4g"), SMALL, spends=True, planned=False).refusal is None
+    assert accepted.judge(routes("4g"), SMALL, spends=True, is_plan=False).refusal is None
 
 
 def test_a_better_link_than_the_declared_one_is_said_without_calling_anything_down(
     declaration: Declaration, tmp_path: Path
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
-    admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, planned=False)
+    admission = meter.judge(routes("wifi-ptp"), SMALL, spends=True, is_plan=False)
     assert admission.notes[0].endswith("but its traffic goes over wifi-ptp now")
     assert admission.refusal is None
-    assert not meter.link.metered
+    assert not meter.link.is_metered
 
 
 def test_over_the_cable_no_bearer_carries_the_session(declaration: Declaration, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, None))
-    admission = meter.judge(routes("satellite"), HUGE, spends=True, planned=False)
+    admission = meter.judge(routes("satellite"), HUGE, spends=True, is_plan=False)
     assert (admission.notes, admission.refusal, meter.link.name) == ((), None, "lan")
 
 
@@ -288,14 +291,14 @@ def test_a_plan_beyond_the_cap_is_refused_whatever_anybody_accepts(
     declaration: Declaration, tmp_path: Path, *, planned: bool
 ) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, accept_cost=True))
-    refused = meter.judge(routes(), HUGE, spends=True, planned=planned)
+    refused = meter.judge(routes(), HUGE, spends=True, is_plan=planned)
     assert "no action may send more than 5.0 MB there" in (refused.refusal or "")
-    assert meter.judge(routes(), HUGE, spends=False, planned=planned).refusal is None
+    assert meter.judge(routes(), HUGE, spends=False, is_plan=planned).refusal is None
 
 
 def test_a_rehearsal_goes_on_and_says_what_a_real_run_would_be_told(declaration: Declaration, tmp_path: Path) -> None:
     meter = Meter(declaration, declaration.hosts[ROUTER], request(tmp_path, rehearsed=True))
-    admission = meter.judge(routes("wifi-ptp"), HUGE, spends=True, planned=False)
+    admission = meter.judge(routes("wifi-ptp"), HUGE, spends=True, is_plan=False)
     assert admission.refusal is None
     assert admission.notes[0].startswith("a real run would be refused: this would send about")
     assert meter.link.name == "satellite"
@@ -322,13 +325,13 @@ def ended(**more: Any) -> DeviceResult:  # noqa: ANN401 - fields of DeviceResult
         Status.CHANGED,
         ExitCode.DONE,
         "done",
-        **{"sent": 30_000, "received": 20_000, "sessions": 2, "seconds": 40.0, **more},
+        **{"sent_bytes": 30_000, "received_bytes": 20_000, "sessions": 2, "seconds": 40.0, **more},
     )
 
 
 def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declaration, tmp_path: Path) -> None:
     costs, journal, store = Costs(declaration, request(tmp_path, accept_cost=True)), Journal(), Store(tmp_path)
-    costs._meter(ROUTER).judge(routes(), SMALL, spends=True, planned=False)
+    costs._meter(ROUTER).judge(routes(), SMALL, spends=True, is_plan=False)
     told = costs.report(ended(counts=(counts(1000, 1000), counts(41_000, 31_000))), journal, store)
     cost = told["cost"]
     assert cost["bill"]["payload_bytes"] == 50_000 * 112 // 100 + 2 * 600
@@ -336,7 +339,7 @@ def test_the_bill_is_told_recorded_and_added_to_the_month(declaration: Declarati
     assert cost["router"] == {"interface": "ether3", "rx_bytes": 40_000, "tx_bytes": 30_000, "bytes": 70_000}
     assert cost["bill_words"] == ("57 kB, 0.46 EUR; the router counted 70 kB on ether3, others' traffic included")
     assert journal.records == [
-        CostCounted(
+        CostRecord(
             device=ROUTER,
             bearer="satellite",
             declared="satellite",
@@ -389,7 +392,7 @@ def test_a_month_that_cannot_be_written_is_said_and_nothing_is_lost(declaration:
 def test_the_declared_links_and_ports_of_a_router(declaration: Declaration) -> None:
     router, terminal = declaration.hosts[ROUTER], declaration.hosts["coastal-sat"]
     assert dict(ports_of(router)) == {"ether1": "wifi-ptp", "ether2": "4g", "ether3": "satellite"}
-    assert [(way.name, way.port, way.metered) for way in ways_of(declaration, router)] == [
+    assert [(way.name, way.port, way.is_metered) for way in ways_of(declaration, router)] == [
         ("wifi-ptp", "ether1", False), ("4g", "ether2", True), ("satellite", "ether3", True),
     ]  # fmt: skip
     assert (ports_of(terminal), ways_of(declaration, terminal)) == ({}, ())
@@ -407,5 +410,5 @@ def test_a_job_is_given_its_ports_and_its_toll(declaration: Declaration, tmp_pat
     job = Costs(declaration, asked).beside(
         device_job(declaration, declaration.hosts[ROUTER], asked, NoJournal(), ignore)
     )
-    assert job.counted == ("ether1", "ether2", "ether3")
+    assert job.counted_ports == ("ether1", "ether2", "ether3")
     assert isinstance(job.cost_policy, Meter)

@@ -16,7 +16,7 @@ from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import Mode, Request, StandIns, Target
 from atlantis_netcfg.operations.computers import _watch
 from atlantis_netcfg.operations.computers._watch import Watch
-from atlantis_netcfg.operations.computers.desired_state import fetching, narrowed, perform
+from atlantis_netcfg.operations.computers.desired_state import fetching, narrow, perform
 from atlantis_netcfg.operations.computers.parts import PARTS
 from atlantis_netcfg.runs import SiteBusy, Store
 from atlantis_netcfg.runs.report.drift import drift_lines
@@ -105,7 +105,7 @@ def test_a_part_that_is_none_is_told(tmp_path: Path) -> None:
 
 def test_changes_are_counted_and_journalled(watch: Watch, listener: Listener, tmp_path: Path) -> None:
     watch.begin([HOST, "coastal-router"])
-    watch.started(HOST, "Configure")
+    watch.start_task(HOST, "Configure")
     watch.ok(HOST, "Configure", FILE)
     watch.ok(HOST, "Look", {"changed": False, "changes": []})
     watch.ok(HOST, "Reload", {"changed": True})
@@ -115,16 +115,16 @@ def test_changes_are_counted_and_journalled(watch: Watch, listener: Listener, tm
     assert result["message"] == "3 changes made"
     assert result["changes"] == ["file /etc/a", "unit a restarted", "Reload"]
     assert result["notes"] == ["slow card"]
-    (run,) = Store(tmp_path, rehearsed=True).runs("coastal")
+    (run,) = Store(tmp_path, is_rehearsal=True).runs("coastal")
     assert result["run"] == {"coastal": {"computers": run.id}}
     assert run.exit == 0
     assert run.outcomes[HOST].status == "changed"
-    assert len(run.confirmed(HOST)) == 3
+    assert len(run.confirmed_actions(HOST)) == 3
 
 
 def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Configure")
+    watch.start_task(HOST, "Configure")
     watch.ok(HOST, "Configure", {"changed": False})
     watch.end(set())
     assert outcome(listener)["message"] == "as declared, nothing to change"
@@ -132,29 +132,29 @@ def test_nothing_to_change(watch: Watch, listener: Listener) -> None:
 
 def test_a_failure_names_task_reason_and_way_out(watch: Watch, listener: Listener, tmp_path: Path) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Install")
+    watch.start_task(HOST, "Install")
     watch.ok(HOST, "Configure", FILE)
-    watch.failed(HOST, "Install", {"msg": "the key has expired", "hint": "ship a new one"})
+    watch.fail_task(HOST, "Install", {"msg": "the key has expired", "hint": "ship a new one"})
     watch.end({HOST})
     result = outcome(listener)
     assert (result["exit"], result["status"]) == (int(ExitCode.FAILED), "left-as-found")
     assert result["message"] == "Install: the key has expired (after 2 changes)"
     assert result["hint"] == "ship a new one"
-    assert Store(tmp_path, rehearsed=True).runs("coastal")[0].exit == int(ExitCode.FAILED)
+    assert Store(tmp_path, is_rehearsal=True).runs("coastal")[0].exit == int(ExitCode.FAILED)
 
 
 def test_what_was_taken_back_is_told_as_such(watch: Watch, listener: Listener) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Network")
-    watch.failed(HOST, "Network", {"msg": "nothing answered at the new address", "rolled_back": True})
+    watch.start_task(HOST, "Network")
+    watch.fail_task(HOST, "Network", {"msg": "nothing answered at the new address", "rolled_back": True})
     watch.end({HOST})
     assert outcome(listener)["status"] == "rolled-back"
 
 
 def test_a_rescued_failure_is_none(watch: Watch, listener: Listener) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Try")
-    watch.failed(HOST, "Try", {"msg": "not yet"})
+    watch.start_task(HOST, "Try")
+    watch.fail_task(HOST, "Try", {"msg": "not yet"})
     watch.ok(HOST, "Try otherwise", FILE)
     watch.end(set())
     result = outcome(listener)
@@ -166,7 +166,7 @@ def test_who_fell_silent_is_known_only_who_never_answered(
     watch: Watch, listener: Listener, *, answered: bool, status: str
 ) -> None:
     watch.begin([HOST])
-    watch.started(HOST, "Work out")
+    watch.start_task(HOST, "Work out")
     watch.ok(HOST, "Work out", {"changed": False, "per_host": {}})
     if answered:
         watch.ok(HOST, "Look", {"changed": False})
@@ -183,7 +183,7 @@ def test_a_plan_locks_and_journals_nothing(tmp_path: Path, listener: Listener) -
     store = Store(tmp_path)
     with store.lock("coastal", "somebody else"):
         watch.begin([HOST])
-        watch.started(HOST, "Configure")
+        watch.start_task(HOST, "Configure")
         difference = {"before": "a\n", "after": "b\n", "before_header": "/etc/a", "after_header": "/etc/a"}
         watch.ok(HOST, "Configure", {**FILE, "diff": [difference]})
         watch.end(set())
@@ -212,8 +212,8 @@ def test_a_run_is_recorded_with_the_code_that_needs_somebody_most(tmp_path: Path
     turn = SiteRun(declaration, "coastal", hosts, Request(state=tmp_path, rehearsed=True), RunName())
     turn.begin()
     for host, code in zip(hosts, (ExitCode.CHECKS_FAILED, ExitCode.UNKNOWN, ExitCode.NOTHING), strict=True):
-        turn.ended(SimpleNamespace(name=host.name, exit=code))
-    (run,) = Store(tmp_path, rehearsed=True).runs("coastal")
+        turn.finish(SimpleNamespace(name=host.name, exit=code))
+    (run,) = Store(tmp_path, is_rehearsal=True).runs("coastal")
     assert run.exit == ExitCode.UNKNOWN
 
 
@@ -231,7 +231,7 @@ def test_drift_is_what_a_run_would_change(tmp_path: Path, listener: Listener) ->
     request = Request(state=tmp_path, rehearsed=True, mode=Mode.DRIFT, events_fd=listener.writer)
     watch = Watch(SHIPPED, request, plan_only=True)
     watch.begin([HOST])
-    watch.started(HOST, "Configure")
+    watch.start_task(HOST, "Configure")
     watch.ok(HOST, "Configure", FILE)
     watch.end(set())
     result = outcome(listener)
@@ -258,10 +258,10 @@ def test_with_a_bundle_everything_comes_from_it(tmp_path: Path) -> None:
     declaration = load(SHIPPED)
     asked = Request(state=tmp_path)
     how = fetching(declaration, declaration.hosts["te4sea-gateway"], asked, "b1")
-    wanted = narrowed({"packages": {"packages": []}, "build": {"prefix": "/opt"}, "configure": {}}, how, "b1")
+    wanted = narrow({"packages": {"packages": []}, "build": {"prefix": "/opt"}, "configure": {}}, how, "b1")
     assert wanted["packages"] == {"packages": [], "offline": "/var/lib/atlantis/bundle/b1/repository"}
     assert wanted["build"] == {"prefix": "/opt", "offline": "/var/lib/atlantis/bundle/b1/sources"}
-    assert narrowed({"packages": None, "build": None}, how, "b1") == {"packages": None, "build": None}
+    assert narrow({"packages": None, "build": None}, how, "b1") == {"packages": None, "build": None}
 
 
 def test_stand_ins_take_the_place_of_servers_in_a_rehearsal_only(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
 from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
 from atlantis_netcfg.links.lte import rutos_read
 from atlantis_netcfg.operations.lte.run import perform
-from atlantis_netcfg.runs import Journal, JournalFailed, Store
+from atlantis_netcfg.runs import Journal, JournalError, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 NAME = "te4sea-4g"
@@ -84,7 +84,7 @@ class Deck:
 
     @property
     def store(self) -> Store:
-        return Store(self.folder / "state", rehearsed=True)
+        return Store(self.folder / "state", is_rehearsal=True)
 
 
 @pytest.fixture
@@ -102,7 +102,7 @@ def ends(result: dict[str, Any]) -> tuple[str, int, int]:
 
 def test_set_read_back_and_the_second_time_nothing(deck: Deck) -> None:
     deck.rutos("apn: internet, user: one, password: EXAMPLE-apn-password")
-    twin = deck.unit(sim=RutosSim(apn="internet", listed=False))
+    twin = deck.unit(sim=RutosSim(apn="internet", is_listed=False))
     first = deck.run()
     assert ends(first) == ("changed", 0, 6)
     assert first["message"] == "6 settings applied and verified; registered home (EXAMPLE-OPERATOR lte B3)"
@@ -128,7 +128,7 @@ def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
     assert kinds == [
         *("run-started", "state-saved", "planned", "layer-sent", "actions-confirmed", "outcome", "run-ended")
     ]
-    assert (run.exit, run.confirmed(NAME), run.settled) == (0, (1, 2, 3), frozenset({NAME}))
+    assert (run.exit, run.confirmed_actions(NAME), run.settled_devices) == (0, (1, 2, 3), frozenset({NAME}))
     before = run.before(NAME)
     assert before is not None
     assert "network.mob1s1a1.auto_apn='1'" in before.text()
@@ -223,7 +223,7 @@ def test_a_locked_card_is_left_alone(deck: Deck, sim: str, said: dict[str, Any],
     ("sim", "said", "code"),
     [
         ("apn: internet", {"network": RutosNetwork(plmn="20601")}, "roaming-not-allowed"),
-        ("roaming: true", {"sim": RutosSim(apn="internet", listed=False)}, "apn-missing"),
+        ("roaming: true", {"sim": RutosSim(apn="internet", is_listed=False)}, "apn-missing"),
         ("apn: wrong", {"sim": RutosSim(apn="internet")}, "no-address"),
         ("apn: internet", {"sim": None}, "sim-missing"),
         ("apn: internet", {"network": RutosNetwork(denies=True)}, "registration-denied"),
@@ -347,7 +347,7 @@ def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.Monkey
 
     def full(self: Journal, record: Any) -> None:  # noqa: ANN401 (any record)
         if record.kind == "layer-sent":
-            raise JournalFailed("the journal cannot be written: no space left on device")
+            raise JournalError("the journal cannot be written: no space left on device")
         write(self, record)
 
     monkeypatch.setattr(Journal, "write", full)

@@ -10,9 +10,9 @@ from atlantis_netcfg.routeros.api import Endpoint
 from atlantis_netcfg.routeros.estimate import BearerProfile
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
-BRIDGE = BearerProfile("wifi-ptp", 0.004, 50e6, 50e6, metered=False)
-MOBILE = BearerProfile("4g", 0.06, 20e6, 20e6, metered=True)
-SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
+BRIDGE = BearerProfile("wifi-ptp", 0.004, 50e6, 50e6, is_metered=False)
+MOBILE = BearerProfile("4g", 0.06, 20e6, 20e6, is_metered=True)
+SATELLITE = BearerProfile("satellite", 0.7, 352e3, 704e3, is_metered=True)
 GAP_S = 70
 
 
@@ -25,7 +25,7 @@ def test_what_has_no_gaps_is_given_up_in_seconds(bearer: BearerProfile) -> None:
 
 
 @pytest.mark.parametrize(
-    "bearer", [MOBILE, SATELLITE, replace(SATELLITE, metered=False)], ids=lambda bearer: bearer.name
+    "bearer", [MOBILE, SATELLITE, replace(SATELLITE, is_metered=False)], ids=lambda bearer: bearer.name
 )
 def test_what_may_be_away_outlives_a_gap(bearer: BearerProfile) -> None:
     found = patient(ENDPOINT, bearer)

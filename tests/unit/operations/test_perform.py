@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from atlantis_netcfg.core.crash_report import Crashed
+from atlantis_netcfg.core.crash_report import InternalError
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.inventory import load
@@ -33,7 +33,7 @@ def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
     monkeypatch.setattr(apply, "declaration_of", broken)
     reader, writer = os.pipe()
     request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
-    with pytest.raises(Crashed, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
+    with pytest.raises(InternalError, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
         apply.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
     os.close(writer)
     (log,) = (tmp_path / "log").iterdir()

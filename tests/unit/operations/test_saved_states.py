@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.common.saved_states import before_resuming, before_rollback, hosts_of_run, saved_run
 from atlantis_netcfg.operations.restore import confirmed_state
-from atlantis_netcfg.runs import ActionsConfirmed, NoSuchRun, Run, RunStarted, Store
+from atlantis_netcfg.runs import ActionConfirmation, NoSuchRun, Run, RunStart, Store
 
 ROUTER = "coastal-router"
 
@@ -31,8 +31,8 @@ class Laptop:
         back_to: str | None = None,
         prepares: bool = False,
     ) -> Run:
-        store = Store(self.state, rehearsed=rehearsed)
-        started = RunStarted(
+        store = Store(self.state, is_rehearsal=rehearsed)
+        started = RunStart(
             site="coastal",
             revision="",
             tool="",
@@ -46,7 +46,7 @@ class Laptop:
             if saves:
                 journal.save(ROUTER, saves)
             if actions:
-                journal.write(ActionsConfirmed(device=ROUTER, actions=tuple(range(actions))))
+                journal.write(ActionConfirmation(device=ROUTER, actions=tuple(range(actions))))
             if confirms:
                 journal.confirm(ROUTER, lambda: confirms)
         return store.run("coastal", journal.run)
@@ -62,7 +62,7 @@ def test_latest_is_the_newest_run_that_has_saved_a_state_of_these_devices(laptop
     newer = laptop.run(saves="b")
     laptop.run()
     assert saved_run(laptop.state, "coastal", "latest", [ROUTER]).id == newer.id
-    with pytest.raises(NothingMatched, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
+    with pytest.raises(NoMatchError, match="no run of coastal has saved a state of coastal-cpe, coastal-4g"):
         saved_run(laptop.state, "coastal", "latest", ["coastal-cpe", "coastal-4g"])
 
 
@@ -70,7 +70,7 @@ def test_what_prepared_emulated_devices_is_not_the_latest_run(laptop: Laptop) ->
     """Nobody asked for it: `use`, `links` and the checklist rehearse on configured devices."""
     run = laptop.run(saves="a", rehearsed=True)
     laptop.run(saves="b", rehearsed=True, prepares=True)
-    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], rehearsed=True).id == run.id
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], is_rehearsal=True).id == run.id
 
 
 def test_a_rollback_is_not_the_latest_run(laptop: Laptop) -> None:
@@ -83,12 +83,12 @@ def test_a_rollback_is_not_the_latest_run(laptop: Laptop) -> None:
 
 def test_a_real_rollback_never_takes_the_run_of_a_rehearsal(laptop: Laptop) -> None:
     emulated = laptop.run(rehearsed=True, saves="a")
-    with pytest.raises(NothingMatched):
+    with pytest.raises(NoMatchError):
         saved_run(laptop.state, "coastal", "latest", [ROUTER])
     with pytest.raises(NoSuchRun):
         saved_run(laptop.state, "coastal", emulated.id)
     for name in ("latest", emulated.id):
-        found = saved_run(laptop.state, "coastal", name, [ROUTER], rehearsed=True)
+        found = saved_run(laptop.state, "coastal", name, [ROUTER], is_rehearsal=True)
         assert found.directory == emulated.directory
 
 
@@ -96,19 +96,19 @@ def test_a_rehearsal_takes_the_runs_of_the_real_site_first(laptop: Laptop) -> No
     real = laptop.run(saves="a")
     laptop.run(rehearsed=True, saves="b")
     laptop.run(rehearsed=True, saves="c")
-    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], rehearsed=True).directory == real.directory
+    assert saved_run(laptop.state, "coastal", "latest", [ROUTER], is_rehearsal=True).directory == real.directory
 
 
 def test_a_run_that_there_is_not_lists_those_of_the_real_site(laptop: Laptop) -> None:
     with pytest.raises(NoSuchRun):
-        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+        saved_run(laptop.state, "coastal", "1999", is_rehearsal=True)
     emulated = laptop.run(rehearsed=True)
     with pytest.raises(NoSuchRun) as refused:
-        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+        saved_run(laptop.state, "coastal", "1999", is_rehearsal=True)
     assert emulated.id in str(refused.value.hint)
     real = laptop.run()
     with pytest.raises(NoSuchRun) as refused:
-        saved_run(laptop.state, "coastal", "1999", rehearsed=True)
+        saved_run(laptop.state, "coastal", "1999", is_rehearsal=True)
     assert str(refused.value.hint) == f"its latest runs: {real.id}"
 
 
@@ -116,7 +116,7 @@ def test_what_was_read_back_last_stands_for_the_device(laptop: Laptop, declarati
     hosts = [declaration.hosts[ROUTER]]
     run = laptop.run(saves="a", confirms="b")
     (start,) = before_rollback(laptop.state, hosts, run)
-    assert (start.restore, start.back_to, start.adopted) == (run.id, None, False)
+    assert (start.restore, start.back_to, start.is_ready) == (run.id, None, False)
     assert f"run {run.id} read back at " in start.words
     later = laptop.run(confirms="c")
     (start,) = before_rollback(laptop.state, hosts, run)
@@ -129,7 +129,7 @@ def test_what_an_emulated_device_was_stands_for_no_real_one(laptop: Laptop, decl
     emulated = laptop.run(rehearsed=True, saves="a", confirms="b")
     real = laptop.run(saves="a")
     (start,) = before_rollback(laptop.state, hosts, real)
-    assert (start.restore, start.back_to, start.adopted) == (None, None, False)
+    assert (start.restore, start.back_to, start.is_ready) == (None, None, False)
     assert "what is declared stands for it" in start.gap
     (start,) = before_rollback(laptop.state, hosts, emulated)
     assert start.restore == emulated.id
@@ -139,10 +139,10 @@ def test_the_state_of_a_named_rehearsal_is_found_beside_real_ones(laptop: Laptop
     emulated = laptop.run("20261121T093000Z", rehearsed=True, confirms="emulated")
     laptop.run("20261122T093000Z", confirms="real")
     host = declaration.hosts[ROUTER]
-    assert confirmed_state(laptop.state, host, "latest", rehearsed=True).text() == "real"
-    assert confirmed_state(laptop.state, host, emulated.id, rehearsed=True).text() == "emulated"
-    with pytest.raises(NothingMatched):
-        confirmed_state(laptop.state, host, "1999", rehearsed=True)
+    assert confirmed_state(laptop.state, host, "latest", is_rehearsal=True).text() == "real"
+    assert confirmed_state(laptop.state, host, emulated.id, is_rehearsal=True).text() == "emulated"
+    with pytest.raises(NoMatchError):
+        confirmed_state(laptop.state, host, "1999", is_rehearsal=True)
 
 
 def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaration: Declaration) -> None:
@@ -159,7 +159,7 @@ def test_a_broken_run_begins_with_the_state_before_it(laptop: Laptop, declaratio
 
 def test_a_device_of_which_nothing_was_saved_stays_as_adopted(laptop: Laptop, declaration: Declaration) -> None:
     (start,) = before_resuming(laptop.state, [declaration.hosts[ROUTER]], laptop.run())
-    assert (start.back_to, start.restore, start.adopted) == (None, None, True)
+    assert (start.back_to, start.restore, start.is_ready) == (None, None, True)
     assert "as after its adoption" in start.words
 
 
@@ -168,14 +168,14 @@ def test_a_computer_is_a_fresh_one(laptop: Laptop, declaration: Declaration) -> 
     gateway, router = before_resuming(
         laptop.state, [declaration.hosts["coastal-gateway"], declaration.hosts[ROUTER]], broken
     )
-    assert (gateway.adopted, router.adopted) == (True, False)
+    assert (gateway.is_ready, router.is_ready) == (True, False)
     assert gateway.gap == f"what run {broken.id} has left on coastal-gateway: a fresh one stands for it"
 
 
 def test_hosts_of_a_run(declaration: Declaration) -> None:
     hosts = [declaration.hosts[name] for name in (ROUTER, "coastal-cpe")]
     assert [host.name for host in hosts_of_run(hosts, ["coastal-cpe", "gone"])] == ["coastal-cpe"]
-    with pytest.raises(NothingMatched, match="nothing to do for any device of that run"):
+    with pytest.raises(NoMatchError, match="nothing to do for any device of that run"):
         hosts_of_run(hosts, ["gone"])
 
 

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.operations.common.request import Mode, Request
 from atlantis_netcfg.operations.common.terminals import is_terminal, look, perform
-from atlantis_netcfg.runs import StateDamaged, Store
+from atlantis_netcfg.runs import DamagedStateError, Store
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
 BACKUP = b"settings of a terminal"
@@ -112,7 +112,7 @@ def test_a_damaged_record_is_told(inventory: Path, tmp_path: Path) -> None:
     record = Store(tmp_path).root / "terminals.json"
     assert record.stat().st_mode & 0o077 == 0
     record.write_text("[]")
-    with pytest.raises(StateDamaged, match="the record of the terminals cannot be read"):
+    with pytest.raises(DamagedStateError, match="the record of the terminals cannot be read"):
         codes(inventory, tmp_path)
 
 
@@ -122,7 +122,7 @@ def test_whoever_listens_is_told_why_the_record_cannot_be_read(inventory: Path, 
     (Store(tmp_path).root / "terminals.json").write_text("[]")
     reader, writer = os.pipe()
     request = Request(state=tmp_path, events_fd=writer).model_dump(mode="json")
-    with pytest.raises(StateDamaged):
+    with pytest.raises(DamagedStateError):
         perform(inventory, ["coastal-sat"], request, plan_only=False)
     os.close(writer)
     with os.fdopen(reader, encoding="utf-8") as told:

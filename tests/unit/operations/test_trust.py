@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Gateway
@@ -71,9 +71,9 @@ def test_any_other_trouble_is_none_of_the_key() -> None:
 @pytest.mark.parametrize(
     ("said", "state"),
     [
-        ("root@x: Permission denied (publickey).", KeyState.KNOWN),
+        ("root@x: Permission denied (publickey).", KeyState.MATCH),
         ("Host key verification failed.", KeyState.UNKNOWN),
-        ("REMOTE HOST IDENTIFICATION HAS CHANGED!\nHost key verification failed.", KeyState.CHANGED),
+        ("REMOTE HOST IDENTIFICATION HAS CHANGED!\nHost key verification failed.", KeyState.MISMATCH),
     ],
 )
 def test_a_look_at_a_key_logs_nobody_in(
@@ -90,7 +90,7 @@ def test_a_look_at_a_key_logs_nobody_in(
 def test_who_does_not_answer_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     stand_in(tmp_path, monkeypatch, "ssh: connect to host x port 22: No route to host")
     declaration = declared(None)
-    with pytest.raises(DeviceFailed, match="was not reached: ssh: connect to host x port 22: No route to host"):
+    with pytest.raises(DeviceError, match="was not reached: ssh: connect to host x port 22: No route to host"):
         TrustedComputer(declaration, declaration.hosts[GATEWAY], Request(state=tmp_path)).look()
 
 

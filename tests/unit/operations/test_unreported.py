@@ -9,15 +9,15 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.play_control import other_ends, without_result
-from atlantis_netcfg.runs import ActionsConfirmed, DeviceObserved, LayerSent, Outcome, RunResumed, RunStarted, Store
+from atlantis_netcfg.runs import ActionConfirmation, DeviceObservation, LayerSent, Outcome, RunResume, RunStart, Store
 from atlantis_netcfg.runs.records import Record
 
 KILLED = "the process that worked on it was killed"
 NAME = "coastal-router"
-READ = DeviceObserved(device=NAME, version="7.18.2", identity="router", state="")
+READ = DeviceObservation(device=NAME, version="7.18.2", identity="router", state="")
 SENT = LayerSent(device=NAME, layer="policy", actions=(1, 2))
-KEPT = ActionsConfirmed(device=NAME, actions=(1, 2))
-RESUMED = RunResumed(revision="", tool="", command="provision resume")
+KEPT = ActionConfirmation(device=NAME, actions=(1, 2))
+RESUMED = RunResume(revision="", tool="", command="provision resume")
 
 
 def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
@@ -26,7 +26,7 @@ def ended(status: str, code: int, *, still_open: bool = False) -> Outcome:
 
 def said(declaration: Declaration, state: Path, *records: Record, mode: Mode = Mode.APPLY) -> dict[str, Any]:
     """What is said of the router after a run that has written these."""
-    started = RunStarted(site="coastal", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
+    started = RunStart(site="coastal", revision="", tool="", hosts=(NAME,), rehearsed=False, command="provision")
     with Store(state).start(started) as journal:
         for record in records:
             journal.write(record)
@@ -62,7 +62,7 @@ def test_what_the_journal_says_is_told_and_resume_is_advised_where_it_has_someth
     (run,) = Store(tmp_path).runs("coastal")
     assert (f"provision resume site=coastal run={run.id}" in result["hint"]) == resumes
     assert resumes or result["hint"] == "type the same command again"
-    assert (NAME in run.unsettled) or not resumes, "resume has nothing to do"
+    assert (NAME in run.unsettled_devices) or not resumes, "resume has nothing to do"
 
 
 def test_what_was_confirmed_is_counted(declaration: Declaration, tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_4g_unit_has_a_run_of_its_own(declaration: Declaration, tmp_path: Path
     router, unit, request = "te4sea-router", "te4sea-4g", Request(state=tmp_path, command="provision")
     runs = {}
     for kind, host in (("routers", router), ("4g", unit)):
-        started = RunStarted(site="te4sea", revision="", tool="", hosts=(host,), rehearsed=False, command="provision")
+        started = RunStart(site="te4sea", revision="", tool="", hosts=(host,), rehearsed=False, command="provision")
         with Store(tmp_path).start(started) as journal:
             runs[kind] = journal.run
             if host == unit:
@@ -100,7 +100,7 @@ def test_the_far_end_of_a_bridge_is_resumed_from_the_site_that_was_asked_for(
     declaration: Declaration, tmp_path: Path
 ) -> None:
     far, request = "scc-cpe", Request(state=tmp_path, command="provision")
-    started = RunStarted(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
+    started = RunStart(site="scc", revision="", tool="", hosts=(far,), rehearsed=False, command="provision")
     with Store(tmp_path).start(started) as journal:
         journal.write(LayerSent(device=far, layer="policy", actions=(1,)))
     runs = {site: {"routers": journal.run} for site in ("coastal", "scc")}

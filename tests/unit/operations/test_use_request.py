@@ -12,7 +12,7 @@ from atlantis_netcfg.core.errors import TRUST, NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState
-from atlantis_netcfg.operations.common.kinds import handled
+from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.site_links import bearer_named, link_of
 from atlantis_netcfg.operations.links.collect import LinksStatus
 from atlantis_netcfg.operations.links.status import Silent
@@ -31,7 +31,7 @@ def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use:
             kind=bearer.kind.value,
             state=state,
             active=None,
-            metered=True,
+            is_metered=True,
             quality={},
             month_bytes=None,
             findings=down,
@@ -46,7 +46,7 @@ def status(state: LinkState = LinkState.UP, uptime_s: float | None = 500.0, use:
         unreachable=(),
         not_asked={},
         round_trips={},
-        asked=(),
+        queried_devices=(),
         bills={},
         standing={},
         uptime_s=uptime_s,
@@ -167,7 +167,7 @@ def test_every_host_that_is_called_handled_is_in_a_play_with_the_role() -> None:
     groups = {group for pattern in patterns for group in pattern.split(":")}
     inventory = yaml.safe_load((ROOT / "inventory/hosts.yml").read_text(encoding="utf-8"))["all"]["children"]
     hosts = {name for group in groups & inventory.keys() for name in inventory[group]["hosts"]}
-    found = {host.name for host in load(ROOT / "inventory").hosts.values() if handled(host)}
+    found = {host.name for host in load(ROOT / "inventory").hosts.values() if is_supported(host)}
     assert found
     assert found <= hosts
 

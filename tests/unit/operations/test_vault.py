@@ -49,7 +49,7 @@ def test_a_file_is_enough_and_nobody_is_asked(named: pytest.MonkeyPatch, tmp_pat
     person = Person()
     vault = Vault(person)
     assert (vault.decrypt(SEALED), person.questions) == ("open", [])
-    assert [label for label, _ in vault.opened] == ["default"]
+    assert [label for label, _ in vault.known_secrets] == ["default"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["vault-password"]
 
 
@@ -67,7 +67,7 @@ def test_without_a_file_a_person_is_asked_once(named: pytest.MonkeyPatch) -> Non
 def test_nobody_is_asked_before_the_first_sealed_value(named: pytest.MonkeyPatch) -> None:
     del named
     person = Person()
-    assert (Vault(person).opened, person.questions) == ([], [])
+    assert (Vault(person).known_secrets, person.questions) == ([], [])
 
 
 def test_who_wants_to_type_is_asked_beside_the_file(named: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -114,7 +114,7 @@ def test_a_person_is_asked_on_a_terminal(
     named: pytest.MonkeyPatch, *, flags: tuple[str, ...], terminal: bool, asks: bool
 ) -> None:
     named.setattr(sys.stdin, "isatty", lambda: terminal)
-    named.setattr(passphrase, "_typed", lambda *_: Secret(PASSWORD))
+    named.setattr(passphrase, "_read_secret", lambda *_: Secret(PASSWORD))
     vault = vault_of(arguments(*flags))
     if asks:
         assert vault.decrypt(SEALED) == "open"

@@ -13,7 +13,7 @@ from twin_bench import Bench, make
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros import desired
-from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Verb
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observation, Plan, Verb
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._scripts import scripts
 from atlantis_netcfg.routeros.planner import plan
@@ -56,7 +56,7 @@ FACTS = Facts("far", Version(7, 18), "", "", {}, (), None, True, None, "", 0)
 
 def rollback(actions: tuple[Action, ...], seen: Mapping[str, tuple[dict[str, str], ...]]) -> str:
     """The script of a bridge's far end: keys are put back, too."""
-    return inverse(Observed(FACTS, seen), Plan("far", actions, ""), with_secrets=True)
+    return inverse(Observation(FACTS, seen), Plan("far", actions, ""), with_secrets=True)
 
 
 def change(seen: Mapping[str, tuple[dict[str, str], ...]]) -> tuple[Action, ...]:
@@ -122,7 +122,7 @@ def test_takes_names_back_however_far_it_came(done: int) -> None:
     assert bench.script(SWAPPED) == ""
     seen = rows(bench, RADIO, PORT, MEMBER)
     before = bench.text()
-    aim = plan("far", desired.read(DECLARED), Observed(FACTS, seen))
+    aim = plan("far", desired.read(DECLARED), Observation(FACTS, seen))
     assert [action.layer is Layer.NAMES for action in aim.actions] == [True, True, True, False, False]
     for text, _ in scripts(aim.actions[:done]):
         assert bench.script(text).startswith("ok")
@@ -158,7 +158,7 @@ def test_a_device_alone_holds_no_key_in_a_script() -> None:
     assert bench.script(OLD) == ""
     seen = rows(bench, RADIO, PROFILES, CONNECT)
     with pytest.raises(CannotInvert, match="a password in clear"):
-        inverse(Observed(FACTS, seen), Plan("far", change(seen), ""))
+        inverse(Observation(FACTS, seen), Plan("far", change(seen), ""))
 
 
 def test_the_job_writes_back_where_nobody_is_registered_and_goes() -> None:

@@ -63,7 +63,7 @@ class Fake:
 
     def _answer(self, command: Command) -> Reply:
         self.sent.append(command)
-        self.traffic.sent += 100
+        self.traffic.sent_bytes += 100
         words = dict(command.arguments)
         known: dict[str, Callable[[], Reply]] = {
             "/interface/print": self._port,

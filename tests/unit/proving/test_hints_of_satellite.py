@@ -20,7 +20,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory.model import AllowedTarget
 from atlantis_netcfg.links import BearerFinding
-from atlantis_netcfg.links.satellite import Attempt, Expected, ProbeOutcome, SatelliteProbe
+from atlantis_netcfg.links.satellite import Attempt, ExpectedOutcome, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import read
 from atlantis_netcfg.operations.common.terminals import look
 from atlantis_netcfg.operations.upgrade import _configuration
@@ -54,7 +54,7 @@ def reached(laptop: Laptop) -> list[str]:
         raise NothingBehindIt("it would be measured")
 
     def used(opened: Any, wanted: Any) -> None:  # noqa: ANN401 - a session and its request
-        seen.append(f"{opened.hosts[0].name} {wanted.for_s} {wanted.unproved}")
+        seen.append(f"{opened.hosts[0].name} {wanted.for_s} {wanted.allow_unproved}")
         raise NothingBehindIt("it would be put in use")
 
     def adoption(arguments: Any, _declaration: object, host: Any, *_: object) -> None:  # noqa: ANN401 - of the command
@@ -68,7 +68,7 @@ def reached(laptop: Laptop) -> list[str]:
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._trust_device", trust)
     laptop.monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.links._prove", proof)
-    laptop.monkeypatch.setattr("atlantis_netcfg.cli.qualify._measured", measured)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.qualify._measure", measured)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.use._begin", used)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     return seen
@@ -100,8 +100,8 @@ def evidence(at: Laptop, **changes: Any) -> str:  # noqa: ANN401 - fields of the
 
 
 def leak(_at: Laptop) -> str:
-    attempt = Attempt("weather", ADDED, Expected.REFUSED, SatelliteProbe.ICMP, ProbeOutcome.ANSWERED)
-    return str(proving()._judged(attempt, link_seen=True).hint)
+    attempt = Attempt("weather", ADDED, ExpectedOutcome.REFUSED, SatelliteProbe.ICMP, ProbeOutcome.ANSWERED)
+    return str(proving()._judge(attempt, link_seen=True).hint)
 
 
 def not_tried(_at: Laptop) -> str:
@@ -115,7 +115,7 @@ def not_tried(_at: Laptop) -> str:
 
 def idle(_at: Laptop) -> str:
     """Of the VPN, while another link carries the traffic."""
-    return "\n".join(finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.name == "VPN server")
+    return "\n".join(finding.hint or "" for attempt, finding in prove(Fake()).results if attempt.name == "VPN server")
 
 
 def other_udp(_at: Laptop) -> str:
@@ -123,11 +123,11 @@ def other_udp(_at: Laptop) -> str:
     words = {"name": "weather", "address": ADDED, "port": 5000, "transport": "udp"}
     link = bearer().model_copy(update={"allow": (AllowedTarget.model_validate(words),)})
     found = prove(Fake(), proving(try_all=True, link=link))
-    return "\n".join(finding.hint or "" for attempt, finding in found.judged if attempt.name == "weather")
+    return "\n".join(finding.hint or "" for attempt, finding in found.results if attempt.name == "weather")
 
 
 def asked_by_rows(_at: Laptop) -> str:
-    hints = [finding.hint or "" for attempt, finding in prove(Fake()).judged if attempt.target.endswith(" udp 123")]
+    hints = [finding.hint or "" for attempt, finding in prove(Fake()).results if attempt.target.endswith(" udp 123")]
     return hints[0]
 
 
@@ -137,7 +137,7 @@ def rows_that_stay(_at: Laptop) -> str:
 
 
 def another_port(_at: Laptop) -> str:
-    reply: Any = SimpleNamespace(checked=lambda: SimpleNamespace(rows=()))
+    reply: Any = SimpleNamespace(check=lambda: SimpleNamespace(rows=()))
     return of_an_error(PROVE, lambda: read(SATELLITE.port, [reply] * 4))
 
 
@@ -153,7 +153,7 @@ def another_box(_at: Laptop) -> str:
 
 
 def upgraded(_at: Laptop) -> str:
-    planned: Any = SimpleNamespace(exit=ExitCode.CHANGES, planned=3, name="coastal-router")
+    planned: Any = SimpleNamespace(exit=ExitCode.CHANGES, planned_count=3, name="coastal-router")
     return _configuration(planned, "coastal")
 
 

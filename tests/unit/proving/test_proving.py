@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, cast
 import pytest
 from proving_router import Fake
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, OutcomeUnknown, UsageError
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import AllowedTarget, Bearer
 from atlantis_netcfg.links import BearerFinding
-from atlantis_netcfg.links.satellite import Expected, ProbeOutcome, SatelliteProbe
+from atlantis_netcfg.links.satellite import ExpectedOutcome, ProbeOutcome, SatelliteProbe
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
 from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of
@@ -42,7 +42,7 @@ def bearer() -> Bearer:
 def proving(
     *, open_filter: bool = False, try_all: bool = False, link: Bearer | None = None, window_s: float = 90.0
 ) -> Proving:
-    made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, rehearsed=True)
+    made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, is_rehearsal=True)
     made.bearer = link or bearer()
     made.pace = ProofPace(window_s=window_s, sleep=no_wait)
     return made
@@ -56,7 +56,7 @@ def told(proof: Proof) -> dict[str, tuple[str, str]]:
     """Outcome and verdict by target; with the filter open, under the target's name and `open`."""
     return {
         f"{attempt.target}{' open' if attempt.filter_open else ''}": (attempt.outcome.value, finding.verdict.value)
-        for attempt, finding in proof.judged
+        for attempt, finding in proof.results
     }
 
 
@@ -66,7 +66,7 @@ def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_ro
     found = told(proof)
     assert found[ADDED] == ("answered", "PASS")
     assert found[STRANGER] == ("refused here", "PASS")
-    (attempt,) = [one for one, _ in proof.judged if one.target == ADDED]
+    (attempt,) = [one for one, _ in proof.results if one.target == ADDED]
     assert attempt.after_s == 70
     assert proof.exit is ExitCode.CHECKS_FAILED, "four targets could not be tried"
     assert proof.kept_off == 7 + 3
@@ -135,7 +135,7 @@ def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, o
 
 def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
     router = Fake(beyond={ADDED: 0}, safe_mode=False)
-    with pytest.raises(DeviceFailed, match="nothing was changed for the proof: no such command prefix"):
+    with pytest.raises(DeviceError, match="nothing was changed for the proof: no such command prefix"):
         prove(router, proving(open_filter=True))
     assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
 
@@ -171,7 +171,7 @@ def test_the_budget_stops_it() -> None:
 def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
     """The router of the vessel is reached over the satellite that is proved."""
     found = satellite_of(DECLARED, "te4sea", None)
-    what = found.proving(DECLARED, rehearsed=True)
+    what = found.proving(DECLARED, is_rehearsal=True)
     assert what.carrier == "satellite"
     (expected,) = previews(DECLARED, what)
     assert expected.words.startswith("over satellite of te4sea, which is paid by the byte: up to ")
@@ -183,7 +183,7 @@ def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
 
 
 def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
-    what = SATELLITE.proving(DECLARED, rehearsed=True, via="4g")
+    what = SATELLITE.proving(DECLARED, is_rehearsal=True, via="4g")
     session, pings = previews(DECLARED, what)
     assert [one.link.name for one in (session, pings)] == ["4g", "satellite"]
     assert session.bill.payload_bytes > pings.bill.payload_bytes == 2 * 18 * 84
@@ -194,7 +194,7 @@ def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
         "4g": on_the_wire(proof.session_bytes, 1),
     }
     with pytest.raises(UsageError, match="no such bearer"):
-        SATELLITE.proving(DECLARED, rehearsed=True, via="4h")
+        SATELLITE.proving(DECLARED, is_rehearsal=True, via="4h")
 
 
 def test_pings_alone_keep_far_below_the_budget() -> None:
@@ -303,7 +303,7 @@ def test_without_a_word_no_row_is_added() -> None:
 def test_nothing_is_concluded_from_nothing() -> None:
     alone = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
     proof = prove(Fake(), proving(link=alone))
-    assert {finding.verdict for _, finding in proof.judged} == {Verdict.INCONCLUSIVE}
+    assert {finding.verdict for _, finding in proof.results} == {Verdict.INCONCLUSIVE}
     assert proof.exit is ExitCode.NOTHING
 
 
@@ -321,7 +321,9 @@ def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> N
 def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
     for site, refused in (("coastal", 2), ("te4sea", 0)):
         planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).bearer, active=True)
-        assert [task.expected for task in planned] == [Expected.REACHED] * 3 + [Expected.REFUSED] * refused
+        assert [task.expectation for task in planned] == [ExpectedOutcome.REACHED] * 3 + [
+            ExpectedOutcome.REFUSED
+        ] * refused
         assert all((task.probe is SatelliteProbe.NONE) == bool(task.why_not) for task in planned)
 
 
@@ -343,7 +345,7 @@ def test_json_holds_what_text_says() -> None:
     assert data["exit"] == 6
     assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == ProbeOutcome.ANSWERED
     text = proof.as_text()
-    assert all(finding.message in text for _, finding in proof.judged)
+    assert all(finding.message in text for _, finding in proof.results)
     assert data["left_out"] == (
         "far end of measurements (203.0.113.2 udp 862): `provision qualify site=coastal link=satellite` tries it"
     )

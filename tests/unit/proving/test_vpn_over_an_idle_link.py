@@ -12,7 +12,7 @@ import pytest
 from proving_router import LAPTOP, Fake
 from test_proving import DECLARED, SATELLITE, prove, proving, told
 
-from atlantis_netcfg.core.errors import NetcfgError, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
 from atlantis_netcfg.links.qualify.transport import Arrival
 from atlantis_netcfg.operations.allow_list_test import vpn
 from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, VPN_BYTES
@@ -73,7 +73,7 @@ def test_the_server_answers_over_the_satellite_and_no_row_is_left() -> None:
     proof = asked(router, Line(answer_to(packet)), packet)
     assert told(proof)[SERVER] == ("answered", "PASS")
     assert proof.vpn_answered
-    (attempt,) = [one for one, _ in proof.judged if one.target == SERVER]
+    (attempt,) = [one for one, _ in proof.results if one.target == SERVER]
     assert attempt.after_s == pytest.approx(0.7)
     ways = [dict(command.arguments) for command in router.sent if command.path == "/routing/rule/add"]
     # The tunnels of the site, which have other senders, stay where they are.
@@ -94,7 +94,7 @@ def test_a_gap_of_the_link_is_outlasted() -> None:
     proof = asked(Fake(), line, packet)
     assert told(proof)[SERVER] == ("answered", "PASS")
     assert len(line.sent) == 6
-    (attempt,) = [one for one, _ in proof.judged if one.target == SERVER]
+    (attempt,) = [one for one, _ in proof.results if one.target == SERVER]
     assert attempt.after_s == pytest.approx(75.7)
 
 
@@ -133,7 +133,7 @@ def test_while_the_satellite_carries_the_traffic_the_tunnel_is_the_proof() -> No
 def test_what_is_in_the_way_is_told_with_what_helps() -> None:
     what = proving(try_all=True)
     what.vpn = UsageError("this computer stands elsewhere", hint="plug it in")
-    (found,) = [finding for attempt, finding in prove(Fake(), what).judged if attempt.target == SERVER]
+    (found,) = [finding for attempt, finding in prove(Fake(), what).results if attempt.target == SERVER]
     assert (found.message, found.hint) == (
         f"VPN server ({SERVER}) could not be tried: this computer stands elsewhere",
         "plug it in",
@@ -174,7 +174,7 @@ def test_a_rehearsal_without_openvpn_says_that_it_was_not_rehearsed(
 ) -> None:
     monkeypatch.setattr("shutil.which", lambda *_, **__: None)
     made = trial(tmp_path, SimpleNamespace(replay=None))
-    assert isinstance(made, NothingMatched)
+    assert isinstance(made, NoMatchError)
     assert str(made) == "not rehearsed: this computer has no OpenVPN that could answer"
 
 
@@ -183,7 +183,10 @@ def test_a_proof_is_remembered_for_the_link_and_a_damaged_note_is_none(tmp_path:
     assert store.proof("coastal", "satellite") is None
     store.keep_proof("coastal", "satellite")
     assert store.proof("coastal", "satellite") is not None
-    assert (store.proof("coastal", "4g"), Store(tmp_path, rehearsed=True).proof("coastal", "satellite")) == (None, None)
+    assert (store.proof("coastal", "4g"), Store(tmp_path, is_rehearsal=True).proof("coastal", "satellite")) == (
+        None,
+        None,
+    )
     for damage in (b"", b"\xff", b"yesterday"):
         (tmp_path / "real" / "coastal" / "proofs" / "satellite").write_bytes(damage)
         assert store.proof("coastal", "satellite") is None

@@ -34,7 +34,7 @@ def _random_shape(draw: random.Random) -> LinkShape:
         loss=draw.choice([0, 0.01, 0.3, 1.0]) if draw.random() < 0.5 else 0.0,
         duplicates=draw.choice([0.01, 0.3, 1.0]) if draw.random() < 0.5 else 0.0,
         queue_bytes=draw.choice([3000, 64_000]),
-        reordered=draw.choice([0, 0.1]),
+        reordering=draw.choice([0, 0.1]),
         reorder_s=1.0,
     )
 
@@ -98,7 +98,7 @@ def test_what_is_less_than_a_packet_and_its_answer_sends_nothing(max_bytes: int)
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
     assert run(net, peer, [train], BudgetGuard(Budget(max_bytes), lambda: 0.0)) == "bytes"
-    assert net.up.sent == 0
+    assert net.up.sent_count == 0
 
 
 def test_a_budget_is_used_as_far_as_it_goes() -> None:
@@ -107,7 +107,7 @@ def test_a_budget_is_used_as_far_as_it_goes() -> None:
     train = Train("t", TrainPlan(112, 0.1, 5), peer, net, Recording().write)
     run(net, peer, [train], BudgetGuard(Budget(20 * 280 + 100), lambda: net.now / SECOND))
     # Room is kept for copies of the answers of the last second, which are nine before the newest packet.
-    assert net.up.sent == (20 * 280 + 100 - 9 * 140) // 280 == 15
+    assert net.up.sent_count == (20 * 280 + 100 - 9 * 140) // 280 == 15
 
 
 def test_lost_answers_are_not_refunded() -> None:
@@ -115,7 +115,7 @@ def test_lost_answers_are_not_refunded() -> None:
     peer = ReflectorPeer(KEY)
     train = Train("t", TrainPlan(112, 1.1, 50), peer, net, Recording().write)
     run(net, peer, [train], BudgetGuard(Budget(10 * 280), lambda: net.now / SECOND))
-    assert net.up.sent == 10, "a provider may bill what it has lost"
+    assert net.up.sent_count == 10, "a provider may bill what it has lost"
 
 
 @pytest.mark.parametrize("delay_s", [0.01, 2.0])
@@ -126,7 +126,7 @@ def test_copies_of_all_answers_do_not_exceed_it(delay_s: float) -> None:
     guard = BudgetGuard(Budget(20_000, closing_s=3), lambda: net.now / SECOND)
     assert run(net, peer, [train], guard) == "bytes"
     net.drain()
-    assert net.down.copies == net.up.sent > 30
+    assert net.down.copies == net.up.sent_count > 30
     # Of a second's packets the answers are counted twice, and room for another copy is still kept.
     assert 15_000 < _counted(net) <= 20_000 + 140
 

@@ -19,8 +19,8 @@ from atlantis_netcfg.links.qualify.reflector.stamp import error_estimate, error_
 @pytest.mark.parametrize(
     ("returned", "status", "maxerror_us", "expected"),
     [
-        (0, 0x2001, 1_500, ClockState(synchronised=True, error_s=LEAST_ERROR_S)),
-        (0, 0x2001, 480_000, ClockState(synchronised=True, error_s=0.48)),
+        (0, 0x2001, 1_500, ClockState(is_synchronised=True, error_s=LEAST_ERROR_S)),
+        (0, 0x2001, 480_000, ClockState(is_synchronised=True, error_s=0.48)),
         (0, 0x2041, 1_500, UNKNOWN),
         (5, 0x2001, 1_500, UNKNOWN),
         (-1, 0, 0, UNKNOWN),
@@ -41,7 +41,7 @@ def test_the_kernel_is_read_where_it_writes() -> None:
 
 
 def test_it_stands_in_the_estimate() -> None:
-    state = ClockState(synchronised=True, error_s=0.48)
-    estimate = error_estimate(state.error_s, synchronised=state.synchronised)
+    state = ClockState(is_synchronised=True, error_s=0.48)
+    estimate = error_estimate(state.error_s, is_synced=state.is_synchronised)
     assert is_synchronised(estimate)
     assert error_s(estimate) == pytest.approx(0.48, rel=0.01)

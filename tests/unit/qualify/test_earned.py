@@ -22,7 +22,7 @@ from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import build_plan
 from atlantis_netcfg.operations.qualify.routing import TunnelTraffic, judge_tunnel, judge_way
 
 SHIPPED = load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers[-1]
@@ -39,7 +39,7 @@ def test_a_train_that_was_cut_off_makes_no_whole_run() -> None:
 
 def test_a_link_that_is_too_thin_for_every_size_was_not_measured_with_them() -> None:
     thin = SHIPPED.model_copy(update={"rate": SHIPPED.rate.model_copy(update={"up_kbps": 1, "down_kbps": 1})})
-    plan = planned(thin, Selection.IMAGES, rehearsed=True)
+    plan = build_plan(thin, Selection.IMAGES, is_rehearsal=True)
     assert not plan.cells
     net, kept = network(SATELLITE, SATELLITE), list[Sample]()
     measured = Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), unlimited(net), kept.append)
@@ -48,10 +48,10 @@ def test_a_link_that_is_too_thin_for_every_size_was_not_measured_with_them() -> 
 
 def test_the_train_without_load_outlasts_the_longest_gap_that_is_allowed() -> None:
     own = SHIPPED.model_copy(update={"qualify": LinkThresholds(gap_s=120.0)})
-    assert planned(SHIPPED, Selection.TELEMETRY).idle.duration_s == pytest.approx(120)
-    assert planned(own, Selection.TELEMETRY).idle.duration_s == pytest.approx(144)
+    assert build_plan(SHIPPED, Selection.TELEMETRY).idle.duration_s == pytest.approx(120)
+    assert build_plan(own, Selection.TELEMETRY).idle.duration_s == pytest.approx(144)
     many = SHIPPED.model_copy(update={"qualify": LinkThresholds(min_samples=1000)})
-    assert planned(many, Selection.TELEMETRY, rehearsed=True).idle.packets == 1000
+    assert build_plan(many, Selection.TELEMETRY, is_rehearsal=True).idle.packets == 1000
 
 
 def test_the_tail_of_few_answers_is_no_figure_of_the_link() -> None:

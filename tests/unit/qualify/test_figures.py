@@ -72,13 +72,13 @@ def test_variation_each_way_without_a_common_clock() -> None:
 
 def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
     net = network(UP, DOWN)
-    net.reflector = type(net.reflector)(KEY, clock=lambda: ClockState(synchronised=True, error_s=0.001))
-    figures = _measured(net, peer=ReflectorPeer(KEY, synchronised=True))
+    net.reflector = type(net.reflector)(KEY, clock=lambda: ClockState(is_synchronised=True, error_s=0.001))
+    figures = _measured(net, peer=ReflectorPeer(KEY, is_synchronised=True))
     assert figures.up is not None
     assert figures.up.delay is not None
     truth = percentiles(delay / SECOND for delay in net.truth_up_ns[:-1])
     _close(figures.up.delay, truth, tolerances()["rtt_s"])
-    alone = _measured(network(UP, DOWN), peer=ReflectorPeer(KEY, synchronised=True))
+    alone = _measured(network(UP, DOWN), peer=ReflectorPeer(KEY, is_synchronised=True))
     assert alone.up is not None
     assert alone.up.delay is None, "only ours is"
 
@@ -86,7 +86,7 @@ def test_the_delay_itself_needs_two_synchronised_clocks() -> None:
 def test_a_far_end_whose_clock_is_synchronised_in_the_midst_of_a_train_tells_no_delay() -> None:
     net, asked = network(UP, DOWN), count()
     net.reflector = type(net.reflector)(KEY, clock=lambda: UNKNOWN if next(asked) < 9 else ClockState(True, 0.1))
-    figures = _measured(net, peer=ReflectorPeer(KEY, synchronised=True))
+    figures = _measured(net, peer=ReflectorPeer(KEY, is_synchronised=True))
     assert figures.down is not None
     assert figures.down.delay is None
 
@@ -108,7 +108,7 @@ def test_loss_each_way(seed: int) -> None:
 
 def _questions(net: SimulatedNetwork) -> int:
     """How many questions for counters have arrived at the far end."""
-    return net.reflector.statistics.answered - next(iter(net.reflector._sessions.values())).answered
+    return net.reflector.statistics.answered - next(iter(net.reflector._sessions.values())).answered_count
 
 
 def test_loss_by_sequence_numbers_where_the_reflector_tells_no_counters() -> None:
@@ -128,7 +128,7 @@ def test_copies_each_way() -> None:
 
 def test_reordering_each_way() -> None:
     net = network(
-        LinkShape(delay_s=0.1, reordered=0.04, reorder_s=0.6), LinkShape(delay_s=0.1, reordered=0.01, reorder_s=0.6)
+        LinkShape(delay_s=0.1, reordering=0.04, reorder_s=0.6), LinkShape(delay_s=0.1, reordering=0.01, reorder_s=0.6)
     )
     figures = _measured(net)
     # RFC 4737: each packet that arrives behind a later one; these are delayed by more than two intervals.

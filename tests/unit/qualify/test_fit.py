@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from example_runs import BEGUN, idle_text, measured_run, put_run, samples_text
 
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import KEY_OCTETS, LinkThresholds, Qualify, TelemetryTopic, ThresholdsName
@@ -59,7 +59,7 @@ def publishing(declaration: Declaration, *topics: dict[str, Any]) -> Declaration
 
 
 def fit(declaration: Declaration, state: Path, *topics: dict[str, Any], **more: Any) -> VehicleFit:  # noqa: ANN401
-    stores = [Store(state), Store(state, rehearsed=True)]
+    stores = [Store(state), Store(state, is_rehearsal=True)]
     return vehicle_fit(publishing(declaration, *topics), stores, "coastal", "sparus", NOW, **more)
 
 
@@ -70,7 +70,7 @@ def satellite(declaration: Declaration, state: Path, *topics: dict[str, Any], **
 
 def kept(state: Path, *, text: str | None = None, rehearsed: bool = False, **changes: Any) -> str:  # noqa: ANN401
     run = measured_run(**{"emulated": False, **changes})
-    put_run(folder_of(Store(state, rehearsed=rehearsed), "coastal"), run, text)
+    put_run(folder_of(Store(state, is_rehearsal=rehearsed), "coastal"), run, text)
     return run.id
 
 
@@ -184,7 +184,7 @@ def test_clouds_are_thinned_before_images_and_these_before_numbers(shipped: Decl
     link = satellite(shipped, tmp_path, POSE, CAMERA, SONAR)
     assert (link.verdict, link.word) == (Verdict.FAIL, "fits when thinned")
     pose, camera, sonar = link.topics
-    assert (pose.rate_hz, pose.thinned) == (2.0, False)
+    assert (pose.rate_hz, pose.is_thinned) == (2.0, False)
     assert sonar.rate_hz == 0.1
     assert 0.1 < camera.rate_hz < 4.0
     room = USABLE * link.capacity.pace.up_bps
@@ -274,7 +274,7 @@ def test_a_run_is_of_one_link(shipped: Declaration, tmp_path: Path) -> None:
 
 
 def test_a_vehicle_without_telemetry_is_no_green_nothing(shipped: Declaration, tmp_path: Path) -> None:
-    with pytest.raises(NothingMatched, match="has no `telemetry:`"):
+    with pytest.raises(NoMatchError, match="has no `telemetry:`"):
         fit(shipped, tmp_path)
 
 

@@ -24,7 +24,7 @@ from atlantis_netcfg.links.qualify.measured_run import (
 from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.links.qualify.profile import LinkProfile, NoProfile, ProfileGap, profile_of, read_profile
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, Train, TrainPlan, run
-from atlantis_netcfg.operations.common.link_shapes import replayed
+from atlantis_netcfg.operations.common.link_shapes import build_shapes
 
 PLAN = TrainPlan(172, 0.25, 300)
 CERTUS_UP = LinkShape(352_000, 0.28, jitter_s=0.03, loss=0.01)
@@ -64,7 +64,7 @@ def measure(net: SimulatedNetwork, plan: TrainPlan = PLAN) -> Recording:
 
 
 def replay(profile: LinkProfile, seed: int = 77) -> SimulatedNetwork:
-    return network(*replayed(profile, 352_000, 704_000), seed, skew_ns=5 * SECOND)
+    return network(*build_shapes(profile, 352_000, 704_000), seed, skew_ns=5 * SECOND)
 
 
 def agree(recorded: TrainFigures, again: TrainFigures) -> None:
@@ -103,7 +103,7 @@ def test_a_replay_agrees_with_the_recording_of_a_satellite(seed: int) -> None:
 
 
 def test_a_replay_agrees_with_the_recording_of_a_4g_link() -> None:
-    up = LinkShape(5_000_000, 0.03, jitter_s=0.015, loss=0.005, reordered=0.02, reorder_s=0.4)
+    up = LinkShape(5_000_000, 0.03, jitter_s=0.015, loss=0.005, reordering=0.02, reorder_s=0.4)
     down = LinkShape(20_000_000, 0.025, jitter_s=0.004, duplicates=0.01)
     recording = measure(network(up, down, 5))
     recorded = train_figures(recording.samples, "idle")
@@ -148,7 +148,7 @@ def test_rates_are_those_of_the_messages_and_the_mtu_is_the_run_s() -> None:
     profile = profile_of(measured_run(), recording.samples)
     assert profile.up.rate_bps == pytest.approx(352_000, rel=tolerances()["goodput_share"])
     assert profile.down.rate_bps is None, "not measured, so it stays as declared"
-    up, down = replayed(profile, 1.0, 704_000.0)
+    up, down = build_shapes(profile, 1.0, 704_000.0)
     assert up.rate_bps == profile.up.rate_bps
     assert (down.rate_bps, up.mtu, down.mtu) == (704_000.0, 1400, 1380)
 

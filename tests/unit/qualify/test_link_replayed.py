@@ -67,7 +67,7 @@ def test_tcp_stalls_where_a_segment_is_lost() -> None:
     assert link.arrival(1000, start + 10, up=True) == pytest.approx(start + 10 + 1.2 + 2.4 + 0.3)
     assert link.arrival(1000, start + 10.1, up=False) == pytest.approx(start + 10.4), "a gap of the other way"
     assert link.arrival(1000, start + 12.1, up=True) == pytest.approx(start + 12.4), "another connection goes on"
-    assert (link.up.in_gaps, link.up.lost, link.up.delivered_bytes) == (2, 0, 3000)
+    assert (link.up.in_gaps, link.up.loss_count, link.up.delivered_bytes) == (2, 0, 3000)
     assert link.connect_s == pytest.approx(0.6)
     assert retransmission_s(0.001) == pytest.approx(0.2)
 

@@ -9,12 +9,12 @@ from simulated_network import KEY, Recording, SimulatedNetwork, network, unlimit
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
-from atlantis_netcfg.links.qualify.compare import compared
+from atlantis_netcfg.links.qualify.compare import compare_runs
 from atlantis_netcfg.links.qualify.judgement import Judgement, profile
 from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
 from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.links.qualify.record import LoadRow, QualifyRecord, make_record
-from atlantis_netcfg.links.qualify.samples import MessageEnded
+from atlantis_netcfg.links.qualify.samples import MessageResult
 from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transport import Arrival
 
@@ -141,7 +141,7 @@ def test_a_far_end_that_fell_behind_is_no_limit_of_the_link() -> None:
 
 def test_goodput_in_doubt_is_compared_with_nothing() -> None:
     good, slow = record_of_load(network(LINK, LINK)), record_of_load(paused(network(LINK, LINK), 100, 60))
-    changes = {item.key: item for item in compared(good, slow).figures}
+    changes = {item.key: item for item in compare_runs(good, slow).figures}
     assert changes["goodput_up"].first == pytest.approx(GOODPUT, rel=0.05)
     assert changes["goodput_up"].second is None
 
@@ -154,6 +154,6 @@ def test_a_run_of_an_earlier_version_says_nothing_of_what_was_offered() -> None:
         [MessageStream("load up", load, peer, net, recording.write)],
     ):
         run(net, peer, streams, unlimited(net))
-    old = [replace(each, due_ns=None) if isinstance(each, MessageEnded) else each for each in recording.samples]
+    old = [replace(each, due_ns=None) if isinstance(each, MessageResult) else each for each in recording.samples]
     (row,) = make_record(measured_run(), old).load
     assert (row.verdict, row.doubt) == (Verdict.INCONCLUSIVE, "what was offered is not known")

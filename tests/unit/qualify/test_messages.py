@@ -36,7 +36,7 @@ def _sent(net: SimulatedNetwork, plan: MessagePlan, guard: BudgetGuard | None = 
 def test_a_message_of_any_size_arrives(size: int) -> None:
     figures = _sent(network(UP, DOWN), MessagePlan(size, 0.1, 20, pace_bps=350_000))
     assert figures is not None
-    assert (figures.sent, figures.received, figures.lost) == (2, 2, 0)
+    assert (figures.sent_count, figures.received_count, figures.lost_count) == (2, 2, 0)
     assert figures.chunks == -(-size // 1048)
 
 
@@ -60,7 +60,7 @@ def test_what_is_lost_is_sent_again_until_all_of_it_is_there(seed: int) -> None:
     net = network(shape, replace(DOWN, loss=0.1), seed)
     figures = _sent(net, MessagePlan(40_000, 0.1, 20, resend=True, pace_bps=300_000, give_up_s=300))
     assert figures is not None
-    assert (figures.sent, figures.received) == (2, 2)
+    assert (figures.sent_count, figures.received_count) == (2, 2)
 
 
 def test_best_effort_loses_a_message_with_each_chunk() -> None:
@@ -68,7 +68,7 @@ def test_best_effort_loses_a_message_with_each_chunk() -> None:
     figures = _sent(net, MessagePlan(6_000, 5, 200))
     assert figures is not None
     assert figures.chunks == 6
-    assert figures.received + figures.lost + figures.unknown == figures.sent == 1000
+    assert figures.received_count + figures.lost_count + figures.unknown == figures.sent_count == 1000
     # Section 9: about 1 - (1 - p)^n; four standard deviations of 1,000 messages.
     assert figures.loss == pytest.approx(1 - (1 - 0.01) ** 6, abs=4 * (0.0585 * 0.94 / 1000) ** 0.5)
 
@@ -77,7 +77,7 @@ def test_a_receiver_that_says_nothing_leaves_the_message_unknown() -> None:
     net = network(UP, LinkShape(loss=1.0))
     figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=1))
     assert figures is not None
-    assert (figures.received, figures.lost, figures.unknown) == (0, 0, 2)
+    assert (figures.received_count, figures.lost_count, figures.unknown) == (0, 0, 2)
 
 
 def test_a_message_that_lacks_packets_is_over_when_the_receiver_has_said_so() -> None:
@@ -85,7 +85,7 @@ def test_a_message_that_lacks_packets_is_over_when_the_receiver_has_said_so() ->
     net = network(replace(UP, mtu=1_000), DOWN)
     figures = _sent(net, MessagePlan(5_000, 1, 2, timeout_s=5))
     assert figures is not None
-    assert (figures.received, figures.lost, figures.unknown) == (0, 2, 0)
+    assert (figures.received_count, figures.lost_count, figures.unknown) == (0, 2, 0)
     assert net.now < (1 + 5 + 1) * SECOND, "the last begins after 1 s and is asked for after 5 s"
 
 

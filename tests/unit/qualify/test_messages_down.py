@@ -12,7 +12,7 @@ from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan, 
 from atlantis_netcfg.links.qualify.messages_down import DownMessageStream, requested_bytes
 from atlantis_netcfg.links.qualify.reflector import stamp
 from atlantis_netcfg.links.qualify.reflector.answering import Reflector
-from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageEnded
+from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult
 from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer, run
 from atlantis_netcfg.links.qualify.transfers import MessageFigures, message_figures
@@ -23,11 +23,11 @@ ROOM = DEFAULT_PACKET - 152
 """What a packet carries of a message."""
 
 
-def _requested(net: SimulatedNetwork, plan: MessagePlan, guard: BudgetGuard | None = None) -> list[MessageEnded]:
+def _requested(net: SimulatedNetwork, plan: MessagePlan, guard: BudgetGuard | None = None) -> list[MessageResult]:
     recording, peer = Recording(), ReflectorPeer(KEY)
     stream = DownMessageStream("load down", plan, peer, net, recording.write)
     run(net, peer, [stream], guard or unlimited(net))
-    return [sample for sample in recording.samples if isinstance(sample, MessageEnded)]
+    return [sample for sample in recording.samples if isinstance(sample, MessageResult)]
 
 
 def _figures(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
@@ -52,14 +52,14 @@ def test_goodput_down_is_what_the_link_carries(rate_bps: int) -> None:
     figures = _figures(net, MessagePlan(60_000, 0.2, 40, pace_bps=2e6))
     carries = rate_bps * ROOM / (DEFAULT_PACKET + HEADERS)
     assert figures.busy_bps == pytest.approx(carries, rel=tolerances()["goodput_share"])
-    assert (figures.received, figures.lost) == (8, 0)
+    assert (figures.received_count, figures.lost_count) == (8, 0)
 
 
 def test_goodput_of_a_link_that_is_never_idle() -> None:
     net = network(UP, DOWN)
     figures = _figures(net, MessagePlan(20_000, 5, 20, pace_bps=2e6, give_up_s=300))
     carries = 704_000 * ROOM / (DEFAULT_PACKET + HEADERS)
-    assert figures.lost > 10, "more was requested than the link carries"
+    assert figures.lost_count > 10, "more was requested than the link carries"
     assert figures.receiver_bps == pytest.approx(carries, rel=tolerances()["goodput_share"])
 
 
@@ -91,7 +91,7 @@ def test_messages_leave_one_after_the_other() -> None:
     net = network(UP, LinkShape(delay_s=0.28))
     figures = _figures(net, MessagePlan(30_000, 2, 10, pace_bps=500_000))
     offered = 500_000 * ROOM / (DEFAULT_PACKET + HEADERS)
-    assert figures.received == 20
+    assert figures.received_count == 20
     assert figures.receiver_bps == pytest.approx(offered, rel=0.02)
     assert figures.busy_bps == pytest.approx(offered, rel=0.02)
 
@@ -106,26 +106,26 @@ def test_the_latency_is_from_the_request_to_the_last_octet() -> None:
 def test_a_request_that_is_lost_is_no_loss_of_the_way_down() -> None:
     net = network(replace(UP, loss=0.2), DOWN, 3)
     figures = _figures(net, MessagePlan(3_000, 0.5, 100, timeout_s=2))
-    assert net.up.lost > 5
-    assert (figures.received, figures.lost, figures.unknown) == (50, 0, 0)
+    assert net.up.loss_count > 5
+    assert (figures.received_count, figures.lost_count, figures.unknown) == (50, 0, 0)
 
 
 def test_a_message_of_one_packet_that_is_lost_on_the_way_is_lost() -> None:
     """It is not simply requested again, which would hide the loss."""
     net = network(UP, replace(DOWN, loss=0.1), 4)
     figures = _figures(net, MessagePlan(500, 1, 300, timeout_s=2))
-    assert figures.sent == 300
-    assert figures.lost == pytest.approx(30, abs=20)
-    assert figures.received + figures.lost + figures.unknown == 300
+    assert figures.sent_count == 300
+    assert figures.lost_count == pytest.approx(30, abs=20)
+    assert figures.received_count + figures.lost_count + figures.unknown == 300
     # Lost on the way down, and not an answer to a question, of which there is one a lost message and a few more.
-    assert 0 <= net.down.lost - figures.lost <= 10
+    assert 0 <= net.down.loss_count - figures.lost_count <= 10
 
 
 def test_what_is_missing_is_requested_again_where_that_is_the_plan() -> None:
     shape = replace(DOWN, loss=0.1, gaps_s=((3.0, 40.0),))
     net = network(replace(UP, loss=0.1), shape, 5)
     figures = _figures(net, MessagePlan(40_000, 0.1, 20, resend=True, pace_bps=300_000, give_up_s=300))
-    assert (figures.sent, figures.received) == (2, 2)
+    assert (figures.sent_count, figures.received_count) == (2, 2)
 
 
 def test_copies_are_no_octets_of_a_message() -> None:
@@ -136,7 +136,7 @@ def test_copies_are_no_octets_of_a_message() -> None:
 
 def test_silence_is_unknown_and_not_lost() -> None:
     figures = _figures(network(UP, LinkShape(loss=1.0)), MessagePlan(5_000, 1, 20, give_up_s=20))
-    assert (figures.sent, figures.received, figures.lost, figures.unknown) == (1, 0, 0, 1)
+    assert (figures.sent_count, figures.received_count, figures.lost_count, figures.unknown) == (1, 0, 0, 1)
     assert figures.latency is None
 
 
@@ -144,7 +144,7 @@ def test_a_gap_at_the_beginning_is_outlived() -> None:
     gap = ((0.0, 70.0),)
     net = network(replace(UP, gaps_s=gap), replace(DOWN, gaps_s=gap))
     figures = _figures(net, MessagePlan(5_000, 1, 20))
-    assert (figures.sent, figures.received) == (20, 20)
+    assert (figures.sent_count, figures.received_count) == (20, 20)
 
 
 def test_a_reflector_that_was_started_again_gives_another_token() -> None:
@@ -163,7 +163,7 @@ def test_a_reflector_that_was_started_again_gives_another_token() -> None:
     figures = message_figures(recording.samples, "load down")
     assert figures is not None
     assert net.reflector is not first
-    assert figures.received >= 19
+    assert figures.received_count >= 19
 
 
 def test_stopping_leaves_what_is_under_way_in_flight() -> None:
@@ -174,7 +174,7 @@ def test_stopping_leaves_what_is_under_way_in_flight() -> None:
     figures = message_figures(ended, "load down")
     assert figures is not None
     assert figures.in_flight >= 1
-    assert figures.lost == 0
+    assert figures.lost_count == 0
 
 
 def test_the_highest_rate_down() -> None:
@@ -198,7 +198,7 @@ def test_the_far_end_says_what_it_sends_at_most() -> None:
     assert figures.receiver_bps is not None
     assert figures.receiver_bps < 1e6
     assert figures.is_bounded
-    assert (figures.received, figures.lost) == (6, 0), "it waits, and drops nothing"
+    assert (figures.received_count, figures.lost_count) == (6, 0), "it waits, and drops nothing"
 
 
 def test_a_request_is_charged_with_all_that_it_may_bring() -> None:
@@ -317,7 +317,7 @@ def test_a_recorded_request_brings_nothing_after_a_restart() -> None:
     again = FarEnd()
     (answer,) = again.raw(recorded)
     assert len(answer) <= len(recorded)
-    assert again.status(answer).sent == 0
+    assert again.status(answer).sent_chunks == 0
     assert again.reflector.statistics.requested == 0
 
 
@@ -365,5 +365,5 @@ def test_no_more_messages_are_under_way_than_there_is_room_for() -> None:
 
 
 def test_old_samples_without_a_direction_went_up() -> None:
-    old = MessageEnded("m", 0, 5, 1, 1, 0, 9, 5, 1, 2, in_flight=False)
+    old = MessageResult("m", 0, 5, 1, 1, 0, 9, 5, 1, 2, in_flight=False)
     assert old.direction == MessageDirection.UP

@@ -7,18 +7,18 @@ from pathlib import Path
 import pytest
 from simulated_network import SECOND, SimulatedNetwork, network
 
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import AllowedTarget, Transport
 from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.measured_run import Selection
-from atlantis_netcfg.links.qualify.samples import Sample, StreamEnded
+from atlantis_netcfg.links.qualify.samples import Sample, StreamEnd
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, far_end_of
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import build_plan
 
 DECLARED = load(Path(__file__).parents[3] / "inventory")
 BEARERS = {bearer.name: bearer for bearer in DECLARED.sites["coastal"].bearers}
@@ -55,14 +55,14 @@ def test_messages_are_left_to_our_own(selection: Selection) -> None:
 def test_over_a_satellite_it_has_to_be_allowed() -> None:
     far, satellite = far_end_of(DECLARED, over_vpn=False, other="192.0.2.7"), BEARERS["satellite"]
     far.refuse(Selection.TELEMETRY, [BEARERS["4g"]], DECLARED)
-    with pytest.raises(NothingMatched, match=r"`satellite` lets nothing pass to 192\.0\.2\.7, UDP port 862"):
+    with pytest.raises(NoMatchError, match=r"`satellite` lets nothing pass to 192\.0\.2\.7, UDP port 862"):
         far.refuse(Selection.TELEMETRY, BEARERS.values(), DECLARED)
     target = AllowedTarget(name="tester", address=IPv4Address("192.0.2.7"), port=862, transport=Transport.UDP)
     far.refuse(Selection.TELEMETRY, [satellite.model_copy(update={"allow": (*satellite.allow, target)})], DECLARED)
 
 
 def measured(net: SimulatedNetwork) -> Measurement:
-    plan = planned(BEARERS["4g"], Selection.TELEMETRY, rehearsed=True, confirms=False)
+    plan = build_plan(BEARERS["4g"], Selection.TELEMETRY, is_rehearsal=True, confirms=False)
     kept: list[Sample] = []
     guard = BudgetGuard(Budget(), lambda: net.now / SECOND)
     found = Measurement(plan, ReflectorPeer(None, counts=False), CountedTransport(net), guard, kept.append)
@@ -77,7 +77,7 @@ def test_packets_of_every_size_are_measured_and_no_message_is_sent() -> None:
     assert (figures.loss.sent, figures.loss.received) == (600, 600)
     assert (found.mtu.up, found.mtu.both) == (None, 1500)
     assert (found.plan.sizes, found.rates) == ((), [])
-    ended = [sample.stream for sample in found.samples if isinstance(sample, StreamEnded)]
+    ended = [sample.stream for sample in found.samples if isinstance(sample, StreamEnd)]
     assert ended == ["idle", *(cell.stream for cell in found.plan.cells)]
     assert found.transport.sent_bytes + found.transport.received_bytes <= found.plan.bytes
 

@@ -15,7 +15,7 @@ from hints_said import advised
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links.qualify.compare import FigureTrend, compared
+from atlantis_netcfg.links.qualify.compare import FigureTrend, compare_runs
 from atlantis_netcfg.links.qualify.grids import SHAPE_UNKNOWN
 from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
@@ -23,7 +23,7 @@ from atlantis_netcfg.links.qualify.samples import read
 from atlantis_netcfg.records.qualify import write_pages
 from atlantis_netcfg.records.qualify.pages import html, pdf, rows
 from atlantis_netcfg.records.qualify.plots import WIDTH, Plot, plots
-from atlantis_netcfg.records.qualify.sections import EMULATED, seconds, sections
+from atlantis_netcfg.records.qualify.sections import EMULATED_NOTICE, seconds, sections
 from atlantis_netcfg.records.qualify.several import comparison_rows
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -47,7 +47,7 @@ def test_a_screen_shows_every_section_within_eighty_columns() -> None:
     text = "\n".join(lines)
     for section in sections(record):
         assert section.title in lines
-    assert EMULATED in lines
+    assert EMULATED_NOTICE in lines
     assert re.search(r"^  PASS +FTD, round trip, 95 %: \d+ ms, limit 1500 ms", text, re.MULTILINE)
     assert re.search(r"^  640x480 q60 +2 .* 326\.0 FAIL: loss", text, re.MULTILINE)
     assert re.search(r"^  160x120 q30 +24\.7 Hz +the queue grows +proved +179\.8 MB/h", text, re.MULTILINE)
@@ -223,7 +223,7 @@ def test_paper_holds_the_same_as_the_page(tmp_path: Path) -> None:
 def test_two_runs_are_compared() -> None:
     first, _ = drawn(idle_text(), measured_run(emulated=False))
     second, _ = drawn(idle_text(loss=0.03, gap_at_s=40.0), measured_run(link="4g", begun=BEGUN + timedelta(days=1)))
-    found = compared(first, second)
+    found = compare_runs(first, second)
     changes = {item.key: item.change for item in found.figures}
     assert changes["rtt_p50"] is FigureTrend.ALIKE
     assert changes["loss_up"] is FigureTrend.WORSE
@@ -231,12 +231,12 @@ def test_two_runs_are_compared() -> None:
     assert changes["longest_gap"] is FigureTrend.WORSE
     assert changes["goodput_up"] is FigureTrend.UNKNOWN
     assert changes["path_mtu_up"] is FigureTrend.ALIKE
-    assert compared(second, first).figures[8].change is FigureTrend.BETTER
+    assert compare_runs(second, first).figures[8].change is FigureTrend.BETTER
     assert found.remarks == (
         "the links differ: satellite and 4g",
         "one of them was measured over an emulated link: it says nothing of a real one",
     )
-    assert compared(first, first).remarks == ()
+    assert compare_runs(first, first).remarks == ()
     facts = {item.title: (item.first, item.second) for item in found.facts}
     assert facts["signal"] == ("5 bars", "5 bars")
     assert facts["this computer's clock"] == ("not known to be synchronised", "not known to be synchronised")
@@ -245,7 +245,7 @@ def test_two_runs_are_compared() -> None:
 def test_what_the_boxes_said_stands_beside_each_other() -> None:
     first, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-90 dBm", "router": "example, RouterOS 7.18.2"}))
     second, _ = drawn(idle_text(), measured_run(facts={"RSRP": "-101 dBm"}, clock_synchronised=True))
-    lines = "\n".join(printable.plain(row) for row in comparison_rows(first, second, compared(first, second)))
+    lines = "\n".join(printable.plain(row) for row in comparison_rows(first, second, compare_runs(first, second)))
     assert "RSRP: A: -90 dBm; B: -101 dBm" in lines
     assert "router: A: example, RouterOS 7.18.2; B: not known" in lines
     assert "this computer's clock: A: not known to be synchronised; B: synchronised" in lines

@@ -13,7 +13,7 @@ from tolerances import tolerances
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base.arguments import Arguments
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import load
@@ -24,14 +24,14 @@ from atlantis_netcfg.links.qualify.judgement import profile
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.links.qualify.record import make_record
 from atlantis_netcfg.links.qualify.reflector.stamp import reflector_key
-from atlantis_netcfg.links.qualify.samples import Sample, StreamEnded, TrainBegan
+from atlantis_netcfg.links.qualify.samples import Sample, StreamEnd, TrainBegan
 from atlantis_netcfg.links.qualify.search import RateLimit
 from atlantis_netcfg.links.qualify.session import ReflectorPeer, TrainPlan
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.operations import Request
 from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.far_end import (
-    FarEndClosed,
+    FarEndUnavailable,
     MeasuredFarEnd,
     far_end_of,
     open_far_end,
@@ -39,7 +39,7 @@ from atlantis_netcfg.operations.qualify.far_end import (
     source_of,
 )
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement, lost_packets
-from atlantis_netcfg.operations.qualify.plan import QualifyPlan, planned, thresholds_of
+from atlantis_netcfg.operations.qualify.plan import QualifyPlan, build_plan, thresholds_of
 from atlantis_netcfg.operations.qualify.result import QualifyResult
 from atlantis_netcfg.operations.qualify.run import links_of_site
 
@@ -53,7 +53,7 @@ def measurement(
     net = network(*link_shapes(bearer)) if net is None else net
     kept: list[Sample] = []
     guard = BudgetGuard(budget or Budget(), lambda: net.now / SECOND)
-    plan = planned(bearer, selection, rehearsed=True)
+    plan = build_plan(bearer, selection, is_rehearsal=True)
     return Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), guard, kept.append), net
 
 
@@ -90,7 +90,7 @@ def described(measured: Measurement, selection: Selection, **changes: object) ->
 @pytest.mark.parametrize("name", list(BEARERS))
 @pytest.mark.parametrize("selection", list(Selection))
 def test_a_plan_has_no_more_than_the_link_carries(name: str, selection: Selection) -> None:
-    plan = planned(BEARERS[name], selection)
+    plan = build_plan(BEARERS[name], selection)
     whole = {Selection.TELEMETRY: 12, Selection.IMAGES: 24, Selection.THROUGHPUT: 0, Selection.ALL: 36}[selection]
     assert len(plan.cells) + plan.left_out == whole
     assert bool(plan.left_out) == (name == "satellite" and selection in {Selection.IMAGES, Selection.ALL})
@@ -108,7 +108,7 @@ def test_what_is_sent_is_within_what_was_said_before(selection: Selection) -> No
     assert counted.sent_bytes == net.up.sent_bytes
     assert counted.sent_bytes + counted.received_bytes <= measured.plan.bytes
     assert net.now / SECOND <= measured.plan.seconds + 30
-    streams = [sample.stream for sample in measured.samples if isinstance(sample, StreamEnded)]
+    streams = [sample.stream for sample in measured.samples if isinstance(sample, StreamEnd)]
     assert streams[0] == "idle"
     assert set(streams) >= {cell.stream for cell in measured.plan.cells}
     assert (measured.mtu.up, measured.mtu.both) == (1500, 1500)
@@ -123,18 +123,18 @@ def test_a_rehearsal_ends_within_a_minute_and_is_green_where_the_link_is_good(na
     measured, net = measurement(BEARERS[name], Selection.TELEMETRY)
     assert measured.measure() == "done"
     assert net.now / SECOND < 50, "a minute with its emulated devices"
-    limits = thresholds_of(BEARERS[name], rehearsed=True)
+    limits = thresholds_of(BEARERS[name], is_rehearsal=True)
     found = described(measured, Selection.TELEMETRY, thresholds=limits[1], thresholds_name=limits[0])
     assert found.record.verdict is Verdict.PASS
     assert found.exit is ExitCode.DONE
 
 
 def test_a_rehearsal_says_which_gaps_it_could_see() -> None:
-    assert thresholds_of(BEARERS["satellite"], rehearsed=True) == (
+    assert thresholds_of(BEARERS["satellite"], is_rehearsal=True) == (
         "satellite, gaps up to 5 s in a rehearsal",
         profile("satellite").model_copy(update={"gap_s": 5.0}),
     )
-    assert thresholds_of(BEARERS["4g"], rehearsed=True) == thresholds_of(BEARERS["4g"])
+    assert thresholds_of(BEARERS["4g"], is_rehearsal=True) == thresholds_of(BEARERS["4g"])
     bearer = BEARERS["satellite"]
     broken = replace(link_shapes(bearer)[0], gaps_s=((1.0, 100.0),))
     measured, _ = measurement(bearer, Selection.TELEMETRY, net=network(broken, link_shapes(bearer)[1]))
@@ -144,7 +144,7 @@ def test_a_rehearsal_says_which_gaps_it_could_see() -> None:
 
 def test_a_train_whose_packets_are_all_answered_awaits_nothing() -> None:
     _, samples = run_train(network(LinkShape(delay_s=0.3), LinkShape(delay_s=0.3)), TrainPlan(112, 0.2, 10))
-    (end,) = (each for each in samples if isinstance(each, StreamEnded))
+    (end,) = (each for each in samples if isinstance(each, StreamEnd))
     assert end.ended_at_ns / SECOND == pytest.approx(9.8 + 2 * 0.6, abs=0.01), (
         "the last answer, and that with the count"
     )
@@ -154,7 +154,7 @@ def test_goodput_is_measured_each_way() -> None:
     bearer = BEARERS["satellite"]
     measured, _ = measurement(bearer, Selection.THROUGHPUT)
     # The round trips beside the load take a part of the link: in a rehearsal, which hurries, a large one.
-    measured.plan = planned(bearer, Selection.THROUGHPUT)
+    measured.plan = build_plan(bearer, Selection.THROUGHPUT)
     measured._load()
     measured._load_down()
     assert measured.reason == "done"
@@ -215,7 +215,7 @@ def test_a_link_that_answers_nothing_is_never_green() -> None:
     assert {each.verdict for each in found.record.judgements} <= {Verdict.FAIL, Verdict.INCONCLUSIVE}
     assert [row.verdict for row in found.record.telemetry] == 2 * [Verdict.INCONCLUSIVE]
     assert found.exit is ExitCode.CHECKS_FAILED
-    assert measured.lost >= 600
+    assert measured.max_lost >= 600
     assert [(rate.rate_hz, rate.limited_by) for rate in measured.rates] == [(None, RateLimit.SILENCE)]
 
 
@@ -265,7 +265,7 @@ def test_the_links_that_a_person_means() -> None:
         ("coastal", "5g", "no link `5g`"),
         ("all", "4g", "one"),
     ):
-        with pytest.raises(NothingMatched, match=words):
+        with pytest.raises(NoMatchError, match=words):
             links_of_site(DECLARED, site, link)
 
 
@@ -295,7 +295,9 @@ def test_a_measurement_starts_the_program_at_the_far_end(ssh: Path) -> None:
 
 def test_a_far_end_with_another_key_is_told_as_such(ssh: Path) -> None:
     (ssh / "says").write_text("echo '@ REMOTE HOST IDENTIFICATION HAS CHANGED! @' >&2; exit 255")
-    with pytest.raises(FarEndClosed, match=r"scc-control at 10\.64\.0\.11: it shows another SSH host key") as closed:
+    with pytest.raises(
+        FarEndUnavailable, match=r"scc-control at 10\.64\.0\.11: it shows another SSH host key"
+    ) as closed:
         open_far_end(DECLARED, Request(state=ssh))
     assert "`ssh-keygen -R scc-control`" in str(closed.value.hint)
 
@@ -303,7 +305,7 @@ def test_a_far_end_with_another_key_is_told_as_such(ssh: Path) -> None:
 def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (ssh / "says").write_text("echo 'Unit atlantis-qualify.service not found.' >&2; exit 5")
     words = "scc-control did not open the far end of measurements: Unit atlantis-qualify.service not found."
-    with pytest.raises(FarEndClosed, match=words) as closed:
+    with pytest.raises(FarEndUnavailable, match=words) as closed:
         open_far_end(DECLARED, Request(state=ssh))
     assert closed.value.exit is ExitCode.FAILED
     (command,) = advised(str(closed.value.hint))
@@ -321,7 +323,7 @@ def test_nothing_is_measured_where_the_far_end_stays_closed(ssh: Path, monkeypat
 def test_a_tunnel_over_tcp_is_not_led() -> None:
     vpn = DECLARED.pilot.vpn.model_copy(update={"transport": Transport.TCP})
     over_tcp = replace(DECLARED, pilot=DECLARED.pilot.model_copy(update={"vpn": vpn}))
-    with pytest.raises(NothingMatched, match="without breaking"):
+    with pytest.raises(NoMatchError, match="without breaking"):
         far_end_of(over_tcp, over_vpn=True)
 
 
@@ -334,13 +336,13 @@ def test_a_computer_without_a_tunnel_measures_nothing_in_the_vpn() -> None:
 def test_through_the_vpn_its_octets_are_charged_and_within_what_was_said_before(selection: Selection) -> None:
     bearer = BEARERS["satellite"]
     net = network(*link_shapes(bearer))
-    plan = planned(bearer, selection, rehearsed=True, over_vpn=True)
+    plan = build_plan(bearer, selection, is_rehearsal=True, over_vpn=True)
     counted = CountedTransport(net, tunnel_headers=VPN_HEADERS)
     guard = BudgetGuard(Budget(), lambda: net.now / SECOND, counted.headers)
     kept: list[Sample] = []
     measured = Measurement(plan, ReflectorPeer(KEY), counted, guard, kept.append)
     assert measured.measure() == "done"
-    assert counted.sent_bytes == net.up.sent_bytes + net.up.sent * VPN_HEADERS == guard.sent_bytes
+    assert counted.sent_bytes == net.up.sent_bytes + net.up.sent_count * VPN_HEADERS == guard.sent_bytes
     assert counted.received_bytes == guard.received_bytes
     assert counted.sent_bytes + counted.received_bytes <= plan.bytes
     assert measured.mtu.both == 1500 - VPN_HEADERS, "longer ones would be cut in two"
@@ -368,5 +370,5 @@ def test_a_run_that_has_not_begun_is_not_called_done() -> None:
 
 
 def test_a_plan_is_pure() -> None:
-    first: QualifyPlan = planned(BEARERS["4g"], Selection.ALL)
-    assert first == planned(BEARERS["4g"], Selection.ALL)
+    first: QualifyPlan = build_plan(BEARERS["4g"], Selection.ALL)
+    assert first == build_plan(BEARERS["4g"], Selection.ALL)

@@ -31,7 +31,7 @@ from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import SamplesUnreadable, read
 from atlantis_netcfg.links.qualify.search import RateLimit
 from atlantis_netcfg.operations.qualify.result import QualifyResult
-from atlantis_netcfg.runs import NoSuchRun, StateDamaged, Store
+from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, Store
 
 
 def made(text: str, **changes: Any) -> QualifyRecord:  # noqa: ANN401 - fields of MeasuredRun
@@ -214,7 +214,7 @@ def test_runs_are_found_where_they_are_kept(tmp_path: Path) -> None:
         kept_run(store, "coastal", "4g-20261121T093000")
     assert "did you mean `4g-20261121T093000Z`?" in (caught.value.hint or "")
     (folder / later.id / RUN_FILE).write_text("{}")
-    with pytest.raises(StateDamaged):
+    with pytest.raises(DamagedStateError):
         kept_runs(store, "coastal")
 
 

@@ -94,7 +94,7 @@ def test_a_packet_for_one_reflector_is_no_request_to_another() -> None:
 )
 def test_what_was_sent_too_long_ago_is_not_answered(age_s: int, *, synchronised: bool, answered: bool) -> None:
     far, unknown = FarEnd(clock=lambda: SYNCHRONISED), FarEnd()
-    error = stamp.error_estimate(0.1, synchronised=synchronised)
+    error = stamp.error_estimate(0.1, is_synced=synchronised)
     recorded = stamp.SenderPacket(1, stamp.ntp(START - age_s * SECOND), error, 5).encode(KEY)
     assert (far.raw(recorded) is not None) is answered
     assert far.reflector.statistics.stale == (not answered)
@@ -103,7 +103,7 @@ def test_what_was_sent_too_long_ago_is_not_answered(age_s: int, *, synchronised:
 
 def test_a_session_is_limited_from_however_many_addresses_it_comes() -> None:
     far = FarEnd(None, rate_bps=8000)
-    size = stamp.padding(1000, authenticated=False)
+    size = stamp.padding(1000, is_authenticated=False)
     sent = [far.ask(n, tlvs=size, source=(f"198.51.100.{n}", 4000)) is not None for n in range(100)]
     assert sent.count(True) == 65
     assert far.reflector.statistics.limited == 35
@@ -151,12 +151,12 @@ def test_an_answer_says_when_it_was_asked_and_numbers_itself(far: FarEnd) -> Non
     last = answers[-1]
     assert last is not None
     assert (last.sender_timestamp, last.sender_error, last.session_id) == (stamp.ntp(START), 1, 5)
-    assert abs(stamp.unix_ns(last.timestamp) - stamp.unix_ns(last.received) - 500) <= 2
+    assert abs(stamp.unix_ns(last.timestamp) - stamp.unix_ns(last.receive_timestamp) - 500) <= 2
 
 
 def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
     for number, size in enumerate((112, 116, 584, 1200)):
-        request = stamp.SenderPacket(number, stamp.ntp(START), 1, 5, stamp.padding(size, authenticated=True)).encode(
+        request = stamp.SenderPacket(number, stamp.ntp(START), 1, 5, stamp.padding(size, is_authenticated=True)).encode(
             KEY
         )
         reply = far.raw(request)
@@ -167,7 +167,7 @@ def test_an_answer_is_as_long_as_its_request(far: FarEnd) -> None:
 def test_who_has_no_key_hears_nothing(far: FarEnd) -> None:
     strangers = [
         stamp.SenderPacket(0, stamp.ntp(START), 1, 5).encode(),
-        stamp.SenderPacket(0, stamp.ntp(START), 1, 5, stamp.padding(500, authenticated=False)).encode(),
+        stamp.SenderPacket(0, stamp.ntp(START), 1, 5, stamp.padding(500, is_authenticated=False)).encode(),
         stamp.SenderPacket(0, stamp.ntp(START), 1, 5).encode(b"another key, also 32 octets long"),
         b"",
         bytes(2000),
@@ -209,7 +209,7 @@ def test_another_session_may_draw_the_same_identifier(far: FarEnd) -> None:
     far.now += 5 * SECOND
     again = [far.ask(n, session=5) for n in range(3)]
     assert [reply.sequence for reply in again if reply is not None] == [0, 1, 2], "it counts from the beginning"
-    assert far.counters(3).received == 3
+    assert far.counters(3).received_count == 3
     assert [far.raw(packet) for packet in recorded] == [None] * 9, "what was answered before is not once more"
 
 
@@ -237,8 +237,8 @@ def test_its_counters_tell_copies_and_refusals(far: FarEnd) -> None:
     far.ask(0)
     far.ask(1)
     far.ask(1)
-    assert far.counters(2) == stamp.ReflectorCounters(received=3, duplicates=1, limited=0, answered=2)
-    assert far.counters(3).received == 3, "questions for counters do not count"
+    assert far.counters(2) == stamp.ReflectorCounters(received_count=3, duplicates=1, limited_count=0, answered_count=2)
+    assert far.counters(3).received_count == 3, "questions for counters do not count"
 
 
 def test_a_source_gets_its_rate_and_no_more() -> None:
@@ -247,11 +247,11 @@ def test_a_source_gets_its_rate_and_no_more() -> None:
     sent = 0
     for number in range(400):
         far.now += SECOND // 100
-        reply = far.ask(number, tlvs=stamp.padding(size, authenticated=True))
+        reply = far.ask(number, tlvs=stamp.padding(size, is_authenticated=True))
         sent += size if reply is not None else 0
     assert sent <= burst + 10_000 * 4 + size
     assert sent >= 10_000 * 4
-    assert far.reflector.statistics.limited == far.counters(1000).limited > 0
+    assert far.reflector.statistics.limited == far.counters(1000).limited_count > 0
     other = stamp.SenderPacket(0, stamp.ntp(far.now), 1, 9).encode(KEY)
     assert far.raw(other, ("198.51.100.7", 1)) is not None, "another source has its own"
 

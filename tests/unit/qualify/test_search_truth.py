@@ -15,7 +15,7 @@ from atlantis_netcfg.links.qualify.samples import Sample
 from atlantis_netcfg.links.qualify.search import SustainedRate
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import build_plan
 
 BEARERS = {bearer.name: bearer for bearer in load(Path(__file__).parents[3] / "inventory").sites["coastal"].bearers}
 
@@ -44,7 +44,7 @@ class Trial:
         net, samples = network(up, replace(up, rate_bps=2 * self.rate_bps), 10 * self.seed), list[Sample]()
         declared = BEARERS[self.bearer]
         rate = declared.rate.model_copy(update={"up_kbps": round(self.declared * self.rate_bps / 1000)})
-        plan = planned(declared.model_copy(update={"rate": rate}), Selection.TELEMETRY)
+        plan = build_plan(declared.model_copy(update={"rate": rate}), Selection.TELEMETRY)
         measured = Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), unlimited(net), samples.append)
         measured._idle()
         measured._search(self.size)

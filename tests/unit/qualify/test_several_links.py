@@ -13,8 +13,8 @@ import pytest
 from example_runs import BEGUN, measured_run
 from simulated_network import KEY, SECOND, SimulatedNetwork, network
 
-from atlantis_netcfg.cli.qualify import _capped, _preview
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode, NetcfgError, OutcomeUnknown, UsageError
+from atlantis_netcfg.cli.qualify import _cap_limits, _preview
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape
 from atlantis_netcfg.inventory import Declaration, load
@@ -27,9 +27,9 @@ from atlantis_netcfg.links.qualify.record import make_record
 from atlantis_netcfg.links.qualify.session import EndReason, ReflectorPeer
 from atlantis_netcfg.operations.common.link_shapes import link_shapes
 from atlantis_netcfg.operations.qualify.measure import CountedTransport, Measurement
-from atlantis_netcfg.operations.qualify.plan import planned
+from atlantis_netcfg.operations.qualify.plan import build_plan
 from atlantis_netcfg.operations.qualify.result import QualifyResult
-from atlantis_netcfg.operations.qualify.several import SeveralResults, left, measure_each
+from atlantis_netcfg.operations.qualify.several import SeveralResults, measure_each, remaining_limits
 
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
@@ -59,7 +59,7 @@ class Stand:
         bounds = [each for each in (limits.max_bytes, self.caps.get(bearer.name)) if each is not None]
         price, tariff = (limits.max_price, TARIFF) if bearer.metered else (None, None)
         kept = limits.model_copy(update={"max_bytes": min(bounds, default=None), "max_price": price})
-        plan = planned(bearer, Selection.TELEMETRY, rehearsed=True)
+        plan = build_plan(bearer, Selection.TELEMETRY, is_rehearsal=True)
         budget = Budget(kept.max_bytes, kept.max_seconds, price, tariff, closing_s=plan.times.timeout_s)
         guard = BudgetGuard(budget, lambda: net.now / SECOND)
         measured = Measurement(plan, ReflectorPeer(KEY), CountedTransport(net), guard, lambda _sample: None)
@@ -78,7 +78,7 @@ class Stand:
             sent_bytes=measured.transport.sent_bytes,
             received_bytes=measured.transport.received_bytes,
             charged_bytes=guard.charged_bytes,
-            price=guard.spent().price,
+            price=guard.current_bill().price,
             selection=Selection.TELEMETRY,
             thresholds=profile("satellite").model_copy(update={"gap_s": 5.0}),
         )
@@ -120,7 +120,7 @@ def test_a_link_that_is_down_ends_early_and_the_others_are_measured() -> None:
 
 
 def test_a_router_that_was_lost_on_one_link_is_told_and_the_others_are_measured() -> None:
-    found = together(Stand(failures={"wifi-ptp": DeviceFailed("the session is lost")}))
+    found = together(Stand(failures={"wifi-ptp": DeviceError("the session is lost")}))
     assert [each.run.link for each in found.results] == ["wifi-ptp", "4g", "satellite"]
     assert found.exit is ExitCode.FAILED
     assert found.results[0].as_json()["error"] == "the session is lost"
@@ -171,12 +171,12 @@ def test_answers_that_never_came_are_paid_all_the_same() -> None:
     run = found.run
     assert run.received_bytes == 0
     assert run.charged_bytes > 1.5 * run.sent_bytes
-    rest = left(BudgetLimits(max_bytes=1_000_000, max_seconds=1e6, max_price=Decimal(9)), found)
+    rest = remaining_limits(BudgetLimits(max_bytes=1_000_000, max_seconds=1e6, max_price=Decimal(9)), found)
     assert rest.max_bytes == 1_000_000 - run.charged_bytes
     assert rest.max_price is not None
     assert run.price is not None
     assert rest.max_price < Decimal(9) - run.price
-    assert left(BudgetLimits(max_bytes=10, max_price=Decimal("0.01")), found) == BudgetLimits(
+    assert remaining_limits(BudgetLimits(max_bytes=10, max_price=Decimal("0.01")), found) == BudgetLimits(
         max_bytes=0, max_price=Decimal(0)
     )
 
@@ -199,13 +199,16 @@ def test_a_limit_in_eur_needs_a_tariff_in_eur_of_each_link_that_costs_money() ->
 def test_a_limit_in_eur_is_none_of_a_link_that_costs_nothing_and_the_cap_holds_beside_it() -> None:
     limits = BudgetLimits(max_price=Decimal(1), max_bytes=9_000_000)
     opened = cast("CommandSession", SimpleNamespace(declaration=DECLARED, site="coastal"))
-    assert _capped(opened, WIFI, limits) == BudgetLimits(max_bytes=9_000_000)
-    assert _capped(opened, SATELLITE, limits) == BudgetLimits(max_price=Decimal(1), max_bytes=5_000_000)
+    assert _cap_limits(opened, WIFI, limits) == BudgetLimits(max_bytes=9_000_000)
+    assert _cap_limits(opened, SATELLITE, limits) == BudgetLimits(max_price=Decimal(1), max_bytes=5_000_000)
 
 
 def preview(bearer: Bearer, limits: BudgetLimits, declaration: Declaration) -> str:
     opened = SimpleNamespace(
-        declaration=declaration, site="coastal", rehearsed=True, arguments=SimpleNamespace(optional=lambda _word: None)
+        declaration=declaration,
+        site="coastal",
+        is_rehearsal=True,
+        arguments=SimpleNamespace(optional=lambda _word: None),
     )
     return _preview(cast("CommandSession", opened), bearer, Selection.TELEMETRY, limits).words
 

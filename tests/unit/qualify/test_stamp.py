@@ -95,13 +95,13 @@ def test_what_is_written_is_read(
 
 @pytest.mark.parametrize("size", [BASE_SIZE, BASE_SIZE + 4, 1200])
 def test_padding_fills_a_packet(size: int) -> None:
-    assert len(SenderPacket(0, 0, 1, 0, padding(size, authenticated=False)).encode()) == size
+    assert len(SenderPacket(0, 0, 1, 0, padding(size, is_authenticated=False)).encode()) == size
 
 
 @pytest.mark.parametrize("size", [0, BASE_SIZE - 1, BASE_SIZE + 3])
 def test_a_size_that_no_packet_can_have_is_refused(size: int) -> None:
     with pytest.raises(ValueError, match=f"a test packet has 44 octets, or 48 and more: it cannot have {size}"):
-        padding(size, authenticated=False)
+        padding(size, is_authenticated=False)
 
 
 @pytest.mark.parametrize("octet", [0, 20, 60, 95, 96, 111, 113, 130, -1])
@@ -151,7 +151,7 @@ def test_times_of_ntp() -> None:
 @pytest.mark.parametrize("seconds", [1e-9, 1e-6, 0.001, 0.05, 1.0, 60.0])
 @pytest.mark.parametrize("synchronised", [True, False])
 def test_the_error_of_a_clock_is_never_understated(seconds: float, *, synchronised: bool) -> None:
-    estimate = error_estimate(seconds, synchronised=synchronised)
+    estimate = error_estimate(seconds, is_synced=synchronised)
     assert 0 < estimate < 1 << 16
     assert is_synchronised(estimate) is synchronised
     assert seconds <= error_s(estimate) <= max(1.02 * seconds, 2**-32 * 5)

@@ -37,7 +37,7 @@ def _messages(net: SimulatedNetwork, plan: MessagePlan) -> MessageFigures:
 
 def test_percentiles_are_those_of_raw_samples_not_of_a_summary() -> None:
     """irtt gives min, mean and max: one packet in twenty that takes 3 s hides in them."""
-    net = network(LinkShape(delay_s=0.3, reordered=0.06, reorder_s=2.0), LinkShape(delay_s=0.3))
+    net = network(LinkShape(delay_s=0.3, reordering=0.06, reorder_s=2.0), LinkShape(delay_s=0.3))
     _, samples = run_train(net, TrainPlan(172, 0.25, 200))
     rtt = train_figures(samples, "train").rtt
     assert rtt is not None
@@ -87,9 +87,9 @@ def test_loss_outside_of_gaps_is_that_of_the_link() -> None:
     _, samples = run_train(net, TrainPlan(172, 0.25, 600))
     figures = train_figures(samples, "train")
     outside = 2400 - 280
-    assert figures.flr.up == pytest.approx(net.up.lost / outside, abs=0.002)
-    assert figures.flr.down == pytest.approx(net.down.lost / (outside - net.up.lost), abs=0.002)
-    assert figures.flr.both == pytest.approx((net.up.lost + net.down.lost) / outside, abs=0.002)
+    assert figures.flr.up == pytest.approx(net.up.loss_count / outside, abs=0.002)
+    assert figures.flr.down == pytest.approx(net.down.loss_count / (outside - net.up.loss_count), abs=0.002)
+    assert figures.flr.both == pytest.approx((net.up.loss_count + net.down.loss_count) / outside, abs=0.002)
     judged = {item.criterion: item for item in judge(figures, profile("satellite"))}
     assert judged["FLR up"].measured == figures.flr.up
     assert judged["FLR up"].verdict is Verdict.FAIL
@@ -123,7 +123,7 @@ def test_a_transfer_is_not_timed_by_its_last_send() -> None:
     assert figures.latency.p50 == pytest.approx(wire * 8 / 352_000 + 0.56, rel=tolerances()["goodput_share"])
     short = network(LinkShape(rate_bps=352_000, delay_s=0.28, queue_bytes=20_000), DOWN)
     figures = _messages(short, plan)
-    assert (figures.received, figures.lost, figures.latency) == (0, 1, None), "a part is no message"
+    assert (figures.received_count, figures.lost_count, figures.latency) == (0, 1, None), "a part is no message"
 
 
 def test_what_is_under_way_at_the_end_is_not_lost() -> None:
@@ -139,7 +139,7 @@ def test_what_is_under_way_at_the_end_is_not_lost() -> None:
     assert loss.in_flight > 100, "three seconds of packets"
     assert loss.received + loss.in_flight + loss.lost == loss.sent
     assert loss.lost / (loss.sent - loss.in_flight) == pytest.approx(0.01, abs=0.007)
-    assert loss.lost <= net.up.lost
+    assert loss.lost <= net.up.loss_count
 
 
 def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
@@ -149,10 +149,10 @@ def test_what_a_full_queue_drops_is_no_loss_of_the_link() -> None:
     _, calm = run_train(idle, TrainPlan(484, 0.05, 100))
     _, loaded = run_train(full, TrainPlan(484, 512 * 8 / 600_000, 20))
     quiet, crowded = (train_figures(samples, "train").loss for samples in (calm, loaded))
-    assert quiet.lost == idle.up.lost > 0
+    assert quiet.lost == idle.up.loss_count > 0
     assert quiet.share == pytest.approx(0.01, abs=0.008)
     assert crowded.share == pytest.approx(1 - 352 / 600, abs=0.04)
-    assert full.up.lost < crowded.lost / 20
+    assert full.up.loss_count < crowded.lost / 20
 
 
 def test_goodput_is_not_a_congestion_controls() -> None:
@@ -165,7 +165,7 @@ def test_goodput_is_not_a_congestion_controls() -> None:
 
 
 def test_late_is_not_lost() -> None:
-    net = network(LinkShape(delay_s=0.1, reordered=0.1, reorder_s=4.0), LinkShape(delay_s=0.1))
+    net = network(LinkShape(delay_s=0.1, reordering=0.1, reorder_s=4.0), LinkShape(delay_s=0.1))
     _, samples = run_train(net, TrainPlan(172, 0.25, 100, timeout_s=3))
     loss = train_figures(samples, "train").loss
     assert loss.late == pytest.approx(40, abs=20)
@@ -256,7 +256,7 @@ def test_what_the_reflector_may_send_does_not_bound_what_it_takes() -> None:
     net = network(SLOW_UP, DOWN)
     net.reflector = Reflector(KEY, rate_bps=50_000)
     figures = _messages(net, MessagePlan(60_000, 0.2, 100, pace_bps=1e6))
-    assert (figures.received, figures.lost) == (20, 0)
+    assert (figures.received_count, figures.lost_count) == (20, 0)
     assert figures.busy_bps == pytest.approx(352_000 * 1048 / (1200 + HEADERS), rel=tolerances()["goodput_share"])
 
 

@@ -31,22 +31,22 @@ def test_a_rate_is_kept_and_the_queue_is_bounded() -> None:
     model = _model(LinkShape(rate_bps=80_000, queue_bytes=5_000))
     times = [model.offer(1000, 0.0) for _ in range(10)]
     assert [time[0] for time in times if time] == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
-    assert model.dropped == 5
+    assert model.drop_count == 5
     assert [*model.offer(1000, 10.0)] == pytest.approx([10.1])
 
 
 @pytest.mark.parametrize("loss", [0.01, 0.2])
 def test_loss_is_random_and_as_much_as_it_says(loss: float) -> None:
     model = _model(LinkShape(loss=loss))
-    assert sum(bool(model.offer(100, n / 100)) for n in range(20_000)) == 20_000 - model.lost
-    assert model.lost / 20_000 == pytest.approx(loss, rel=0.2)
+    assert sum(bool(model.offer(100, n / 100)) for n in range(20_000)) == 20_000 - model.loss_count
+    assert model.loss_count / 20_000 == pytest.approx(loss, rel=0.2)
 
 
 def test_order_is_kept_but_for_those_that_are_reordered() -> None:
     kept = _model(LinkShape(delay_s=0.1, jitter_s=0.2))
     times = [kept.offer(100, n / 100)[0] for n in range(1000)]
     assert times == sorted(times)
-    mixed = _model(LinkShape(delay_s=0.1, reordered=0.1, reorder_s=0.5))
+    mixed = _model(LinkShape(delay_s=0.1, reordering=0.1, reorder_s=0.5))
     delays = [round(mixed.offer(100, n / 100)[0] - n / 100, 6) for n in range(1000)]
     assert set(delays) == {0.1, 0.6}
     assert delays.count(0.6) == pytest.approx(100, abs=40)
@@ -56,7 +56,7 @@ def test_nothing_passes_in_a_gap_nor_beyond_the_mtu() -> None:
     model = _model(LinkShape(gaps_s=((10.0, 80.0),), mtu=1400))
     assert [bool(model.offer(100, now)) for now in (9.9, 10.0, 79.9, 80.0)] == [True, False, False, True]
     assert [bool(model.offer(size, 100.0)) for size in (1400, 1401)] == [True, False]
-    assert (model.in_gaps, model.dropped, model.sent) == (2, 1, 6)
+    assert (model.in_gaps, model.drop_count, model.sent_count) == (2, 1, 6)
 
 
 def test_the_relay_carries_both_ways() -> None:
@@ -75,4 +75,4 @@ def test_the_relay_carries_both_ways() -> None:
             assert first == second == b"there"
             server.sendto(b"and back", back)
             assert client.recv(100) == b"and back"
-            assert (relay.up.sent, relay.up.copies, relay.down.sent) == (1, 1, 1)
+            assert (relay.up.sent_count, relay.up.copies, relay.down.sent_count) == (1, 1, 1)

@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
@@ -105,7 +105,7 @@ def test_what_the_router_counted_is_told_by_link() -> None:
 
 
 def test_a_row_without_a_count_is_told() -> None:
-    with pytest.raises(DeviceFailed, match="no count"):
+    with pytest.raises(DeviceError, match="no count"):
         read(CountingRouter([{"out-interface": "ether1"}]))
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, cast
 import pytest
 from waiting import HANG_S
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, Selection
 from atlantis_netcfg.operations.qualify import run
@@ -51,7 +51,7 @@ class MortalSession:
     async def command(self, command: Command) -> Reply:
         self.commands.append(command)
         if len(self.commands) > self.answers:
-            raise DeviceFailed("the session is lost")
+            raise DeviceError("the session is lost")
         return Reply()
 
 
@@ -67,7 +67,7 @@ def test_nothing_is_sent_any_more_when_the_session_of_the_router_is_lost(monkeyp
     monkeypatch.setattr(run, "_ALIVE_S", 0.01)
     made, session = link_run(), MortalSession(answers=3)
     measurement = Waiting(made.stop)
-    with pytest.raises(DeviceFailed, match="the session is lost"):
+    with pytest.raises(DeviceError, match="the session is lost"):
         asyncio.run(made._send(cast("Session", session), cast("Measurement", measurement)))
     assert measurement.reason == "stopped"
     assert len(session.commands) == 4

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from jinja2 import Environment, FileSystemLoader
 
-from atlantis_netcfg.routeros.render import compiled
+from atlantis_netcfg.routeros.render import get_template_cache
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ class Start(Environment):
     """The environment of one start, which counts what it compiles."""
 
     def __init__(self, folder: Path, *modules: str) -> None:
-        super().__init__(loader=FileSystemLoader(folder), bytecode_cache=compiled(*modules))
+        super().__init__(loader=FileSystemLoader(folder), bytecode_cache=get_template_cache(*modules))
         self.made = 0
 
     def _compile(self, source: str, filename: str) -> object:  # type: ignore[override]  # a code object

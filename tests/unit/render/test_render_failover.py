@@ -92,8 +92,8 @@ def test_netwatch_counts_at_least_what_is_declared(hold_down_s: int, fail_back_s
     times = {"hold_down_s": hold_down_s, "fail_back_s": fail_back_s, "metered_probe_s": probe_s}
     failover = given.sites["coastal"].failover.model_copy(update=times)
     view = router_view(with_site(given, "coastal", failover=failover), given.router("coastal"))
-    for link in view.judged:
-        judged = link.judged
+    for link in view.probed_uplinks:
+        judged = link.probing
         assert judged is not None
         starts_s = 3.0  # netwatch waits so long before a row begins (start-delay)
         silence_s = starts_s + (judged.silence - 1) * judged.silence_gap_s + 2 * judged.timeout_s
@@ -105,10 +105,10 @@ def test_netwatch_counts_at_least_what_is_declared(hold_down_s: int, fail_back_s
 
 
 def test_a_link_is_held_before_check_gateway_gives_it_up() -> None:
-    for link in router_view(declaration(), declaration().router("coastal")).judged:
-        judged = link.judged
+    for link in router_view(declaration(), declaration().router("coastal")).probed_uplinks:
+        judged = link.probing
         assert judged is not None
-        if judged.checked:
+        if judged.has_gateway_check:
             assert judged.watch_s + judged.timeout_s < 10 + 1  # two questions 10 s apart and a time-out
 
 

@@ -13,7 +13,7 @@ from row_subtests import for_each_row
 from test_render_text import parsed
 
 from atlantis_netcfg.inventory.model import AllowedTarget, BearerKind, Router
-from atlantis_netcfg.inventory.satellite_allow_list import allowed as admitted
+from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets as admitted
 from atlantis_netcfg.routeros.render import router_view
 
 STATES = ("new", "established", "related", "invalid", "untracked")

@@ -8,7 +8,7 @@ from render_declared import GOLDEN, SITES, Declaration, declaration, with_router
 
 import atlantis_netcfg
 from atlantis_netcfg.inventory.model import Forward, Router, Transport
-from atlantis_netcfg.inventory.satellite_allow_list import derived
+from atlantis_netcfg.inventory.satellite_allow_list import derive_targets
 from atlantis_netcfg.routeros import render, rsc
 from atlantis_netcfg.routeros.render import (
     Prerequisite,
@@ -130,7 +130,7 @@ def test_values_that_need_quotes_get_them_and_stay_what_they_are() -> None:
 def test_an_address_is_listed_once_whatever_is_allowed_there() -> None:
     given = declaration()
     satellite = given.sites["te4sea"].bearers[1]
-    vpn = derived(given.pilot)[0]
+    vpn = derive_targets(given.pilot)[0]
     over_tcp = vpn.model_copy(update={"name": "VPN over TCP", "port": 443, "transport": Transport.TCP})
     more = satellite.model_copy(update={"allow": (over_tcp,)})
     given = with_site(given, "te4sea", bearers=(given.sites["te4sea"].bearers[0], more))

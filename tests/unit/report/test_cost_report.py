@@ -36,13 +36,13 @@ def result(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - fields of a result
 
 
 def test_what_cost_nothing_has_no_bill() -> None:
-    assert list(cost_lines(result(), rehearsed=False)) == []
+    assert list(cost_lines(result(), is_rehearsal=False)) == []
     assert "cost" not in RunReport("coastal", False, {"r": result()}).as_json()["devices"]["r"]
 
 
 def test_a_run_tells_its_bill_and_a_rehearsal_what_would_be_asked() -> None:
-    assert list(cost_lines(result(cost=COST), rehearsed=False)) == [f"cost over satellite: {COST['bill_words']}"]
-    assert list(cost_lines(result(cost=COST), rehearsed=True)) == [
+    assert list(cost_lines(result(cost=COST), is_rehearsal=False)) == [f"cost over satellite: {COST['bill_words']}"]
+    assert list(cost_lines(result(cost=COST), is_rehearsal=True)) == [
         f"a real run asks first: {COST['words']}",
         f"and comes to: {COST['bill_words']}",
     ]
@@ -69,7 +69,7 @@ def test_the_report_of_a_run_has_it_below_the_device_and_below_each_pass() -> No
 
 
 def test_a_drift_report_has_it_too() -> None:
-    report = DriftReport("coastal", rehearsed=False, devices={"r": result(cost=COST)})
+    report = DriftReport("coastal", is_rehearsal=False, devices={"r": result(cost=COST)})
     assert f"  cost over satellite: {COST['bill_words']}" in report.as_text().splitlines()
     assert report.as_json()["devices"]["r"]["cost"] == COST
-    assert "cost" not in DriftReport("coastal", rehearsed=False, devices={"r": result()}).as_json()["devices"]["r"]
+    assert "cost" not in DriftReport("coastal", is_rehearsal=False, devices={"r": result()}).as_json()["devices"]["r"]

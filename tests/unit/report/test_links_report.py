@@ -33,7 +33,14 @@ def finding(verdict: str, hint: str | None = None) -> dict[str, Any]:
 def report(*bearers: dict[str, Any], **more: Any) -> LinksReport:  # noqa: ANN401 - any field
     named = {f"link{number}": one for number, one in enumerate(bearers, start=1)}
     return LinksReport(
-        **{"site": "quay", "title": "A quay", "rehearsed": False, "bearers": named, "asked": ("r",), **more}
+        **{
+            "site": "quay",
+            "title": "A quay",
+            "is_rehearsal": False,
+            "bearers": named,
+            "queried_devices": ("r",),
+            **more,
+        }
     )
 
 
@@ -57,7 +64,7 @@ def test_a_device_that_does_not_answer_fails_the_check() -> None:
 
 
 def test_nobody_asked_is_no_green() -> None:
-    nothing = report(bearer(active=True), asked=())
+    nothing = report(bearer(active=True), queried_devices=())
     assert nothing.exit is ExitCode.NOTHING
     assert nothing.as_text().endswith("Nobody was asked, so nothing is known of quay")
     assert nothing.as_json()["exit"] == 7

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.printable import Style, Styled, plain
+from atlantis_netcfg.core.printable import Style, StyledText, plain
 from atlantis_netcfg.runs.report.run import Pass, RunReport
 from atlantis_netcfg.runs.report.summary import DeviceEnd, ending, rows_of_plan
 
@@ -180,7 +180,7 @@ def test_a_warning_is_named_where_nothing_is_worse() -> None:
 def test_green_is_only_what_is_whole_and_without_a_warning() -> None:
     def style(devices: dict[str, dict[str, Any]], **more: Any) -> Style:  # noqa: ANN401 - fields of a report
         (_, verdict, *_) = RunReport("coastal", False, devices, **more).summary().rows_for_screen()
-        assert isinstance(verdict, Styled)
+        assert isinstance(verdict, StyledText)
         return verdict.style
 
     assert style({"r": CHANGED}) is Style.GOOD

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from html.parser import HTMLParser
 
 from atlantis_netcfg.checklist.report import Document
-from atlantis_netcfg.checklist.report._texts import uncoded
+from atlantis_netcfg.checklist.report._texts import strip_code
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.runs.report.drift import clean
 
@@ -117,7 +117,7 @@ def safe(page: Page) -> None:
 
 def shown(text: str) -> str:
     """Somebody's words as a page holds them, without the blanks where lines are broken."""
-    return "".join(uncoded(clean(visible(text))).split())
+    return "".join(strip_code(clean(visible(text))).split())
 
 
 def written(text: str) -> str:

@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist import Checklist, plan
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.report import Document, Drawing, DrawnLink, DrawnNode, drawing_svg
 from atlantis_netcfg.checklist.report._shapes import ASCII, DARK, SYMBOLS, TINTS, Badge, DrawnBox, ShownState, Tint
-from atlantis_netcfg.checklist.report._svg import described, layout
+from atlantis_netcfg.checklist.report._svg import describe_drawing, layout
 from atlantis_netcfg.inventory import Declaration, load
 
 INVENTORY = Path(__file__).parents[3] / "inventory"
@@ -139,11 +139,11 @@ def test_where_there_is_room_the_vehicles_stand_beside_the_devices() -> None:
 
 
 def test_it_is_told_in_words() -> None:
-    told = described(made.example())
+    told = describe_drawing(made.example())
     assert "Control centre." in told
     assert "Sparus, coastal-gateway: Wi-Fi, FAIL." in told
     assert "coastal-router, scc-vpn: VPN, PASS." in told
-    assert described(made.empty()) == ["Nothing is declared."]
+    assert describe_drawing(made.empty()) == ["Nothing is declared."]
 
 
 def test_the_worst_item_gives_colour_and_sign() -> None:

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, _photos
-from atlantis_netcfg.checklist.report._photos import Attached, attached
+from atlantis_netcfg.checklist.report._photos import Attachment, find_attachments
 
 
 def picture(kind: str, width: int = 40, height: int = 30, **more: object) -> bytes:
@@ -16,11 +16,11 @@ def picture(kind: str, width: int = 40, height: int = 30, **more: object) -> byt
     return kept.getvalue()
 
 
-def kept(data: bytes | None, *, sha256: str | None = "as it is", name: str = "a.jpg") -> Attached:
+def kept(data: bytes | None, *, sha256: str | None = "as it is", name: str = "a.jpg") -> Attachment:
     digest = made.sha256(data or b"") if sha256 == "as it is" else sha256
     evidence = Evidence(type=EvidenceType.FILE, what="photo", value="1", file=name, sha256=digest)
     document = made.green(items=(made.item("sparus/gps", evidence=(evidence, evidence)),))
-    (one,) = attached(document, {} if data is None else {name: data}).values()
+    (one,) = find_attachments(document, {} if data is None else {name: data}).values()
     return one
 
 
@@ -29,7 +29,7 @@ def test_a_small_picture_is_shown_as_it_is(kind: str, media: str) -> None:
     data = picture(kind)
     photo = kept(data).photo
     assert photo is not None
-    assert (photo.media, photo.data, photo.width, photo.height, photo.reduced) == (media, data, 40, 30, False)
+    assert (photo.media, photo.data, photo.width, photo.height, photo.is_reduced) == (media, data, 40, 30, False)
 
 
 @pytest.mark.parametrize("kind", ["PNG", "JPEG", "WEBP"])
@@ -58,7 +58,7 @@ def test_a_photo_of_an_earlier_release_does_not_tell_where_it_was_taken() -> Non
     one = kept(picture("JPEG", exif=exif, comment=b"41 deg 11 N"))
     assert one.photo is not None
     assert b"41 deg" not in one.photo.data
-    assert (one.photo.width, one.photo.height, one.photo.reduced) == (40, 30, False)
+    assert (one.photo.width, one.photo.height, one.photo.is_reduced) == (40, 30, False)
     assert "smaller" not in one.words
 
 

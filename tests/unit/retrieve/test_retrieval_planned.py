@@ -8,7 +8,7 @@ from retrieval_programs import CENTRE, GATEWAY, KEY, SHIPPED, with_retrieval
 
 from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.computers.retrieval import PACKAGES, SERVICE, retrieval
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.inventory.model import RetrievalPriority
 from atlantis_netcfg.operations import retrieve
 from atlantis_netcfg.operations.common.site_links import link_of
@@ -94,9 +94,9 @@ def test_one_that_has_ended_without_a_word_says_so() -> None:
 
 def test_what_it_has_cost_is_told_while_it_goes_on_and_at_its_end() -> None:
     on = status(state="sending", running=True, arrived=0)
-    assert on.progress() == f"0 of 2 files whole, 1.2 MB sent over satellite, {on.spent.money}"
-    assert "EUR" in on.spent.money
-    assert status().lines("coastal")[-1] == f"{status().spent.words} over satellite"
+    assert on.progress() == f"0 of 2 files whole, 1.2 MB sent over satellite, {on.total_cost.money}"
+    assert "EUR" in on.total_cost.money
+    assert status().lines("coastal")[-1] == f"{status().total_cost.words} over satellite"
     assert "EUR" not in status("wifi-ptp", link="wifi-ptp").lines("coastal")[-1]
 
 
@@ -112,9 +112,9 @@ def test_the_source_is_the_one_of_the_site_or_the_named_one() -> None:
     assert "from=coastal-gateway" in near.value.hint
     with pytest.raises(UsageError, match="one site at a time"):
         retrieve.source_at(DECLARED, "all", None)
-    with pytest.raises(NothingMatched, match="no recordings of te4sea"):
+    with pytest.raises(NoMatchError, match="no recordings of te4sea"):
         retrieve.source_at(DECLARED, "te4sea", None)
-    with pytest.raises(NothingMatched, match="no recordings are declared"):
+    with pytest.raises(NoMatchError, match="no recordings are declared"):
         retrieve.source_at(SHIPPED, "coastal", None)
 
 
@@ -129,7 +129,7 @@ def test_without_a_declaration_a_rehearsal_has_an_example_and_changes_no_other()
     assert retrieve.source_at(declaration, "te4sea", None)[1].name == "te4sea-gateway"
     assert SHIPPED.pilot.retrieval is None
     assert with_example(DECLARED, "coastal") == (DECLARED, None)
-    with pytest.raises(NothingMatched, match="scc has no gateway in the VPN"):
+    with pytest.raises(NoMatchError, match="scc has no gateway in the VPN"):
         with_example(SHIPPED, "scc")
 
 
@@ -173,7 +173,7 @@ def test_an_end_that_has_another_host_key_is_a_finding_of_every_run() -> None:
         (check,) = retrieval(declaration, declaration.hosts[name]).checks
         assert check.run == ("grep", "-qF", f" {KEY.split()[1]}", "/etc/ssh/ssh_host_ed25519_key.pub")
         assert "is not the declared one" in check.finding
-        assert retrieval(declaration, declaration.hosts[name], rehearsed=True).checks == ()
+        assert retrieval(declaration, declaration.hosts[name], is_rehearsal=True).checks == ()
 
 
 def test_what_is_declared_no_more_goes_and_others_have_nothing() -> None:

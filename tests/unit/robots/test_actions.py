@@ -14,7 +14,7 @@ def run(server: ActionServer, seconds: float, start: float = 0.0) -> list[tuple[
     """Step ten times a second; return what changed, and when."""
     moments = [round(start + tenth / 10, 1) for tenth in range(int(seconds * 10) + 1)]
     return [
-        (now, goal.identity[:1], goal.status, goal.completed)
+        (now, goal.identity[:1], goal.status, goal.completed_steps)
         for now in moments
         for goal in server.step(now, int(now * 1e9))
     ]
@@ -59,7 +59,7 @@ def test_two_commands_are_carried_out_side_by_side_and_two_plans_are_not() -> No
 def test_a_process_that_stood_still_leaves_no_feedback_out() -> None:
     server = ActionServer()
     accept(server)
-    assert [goal.completed for _ in range(5) for goal in server.step(60.0, 0)] == [0, 1, 2, 3]
+    assert [goal.completed_steps for _ in range(5) for goal in server.step(60.0, 0)] == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("seconds", [None, 0.0, 1.5], ids=["accepted", "first step", "second step"])

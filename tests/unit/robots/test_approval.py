@@ -15,7 +15,7 @@ from vpn_desk import PASSPHRASE, founded, over_a_pipe
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.cli.base import passphrase
 from atlantis_netcfg.cli.vpn import _common
-from atlantis_netcfg.core.errors import NothingMatched, UsageError
+from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
 from atlantis_netcfg.inventory.robots import reading
@@ -24,14 +24,20 @@ from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.common.vault import Vault
 from atlantis_netcfg.operations.vpn.server import NoPush
 from atlantis_netcfg.robots.mock import RATES_HZ
-from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation, RobotReport, RobotState
+from atlantis_netcfg.robots.observation import (
+    HeardConfiguration,
+    HeardWriter,
+    RobotObservation,
+    RobotReport,
+    RobotState,
+)
 
 UNTIL = datetime.now(UTC).date() + timedelta(days=20)
 TOKEN = "lauv-says-so"
 SECONDS = 30.0
 
 
-def stranger(namespace: str = "lauv", participant: str = "key") -> Observation:
+def stranger(namespace: str = "lauv", participant: str = "key") -> RobotObservation:
     """A robot that publishes a configuration like that of Sparus, and all that it says."""
     (sparus,) = [each for each in reading.read_declared(robot_cases.shipped(), KeyNames()) if each.vehicle == "sparus"]
     text = sparus.text().replace("namespace: sparus", f"namespace: {namespace}").replace("EXAMPLE-sparus-token", TOKEN)
@@ -46,10 +52,10 @@ def stranger(namespace: str = "lauv", participant: str = "key") -> Observation:
 
     configuration = HeardConfiguration(writer("/atlantis/configuration", "std_msgs/msg/String", 1.0), text.encode())
     topics = [writer(each.name, each.message_type, RATES_HZ[each.kind]) for each in robot.topics()]
-    return Observation(SECONDS, {participant: "10.64.1.30"}, topics, [configuration])
+    return RobotObservation(SECONDS, {participant: "10.64.1.30"}, topics, [configuration])
 
 
-def compared(inventory: Path, observation: Observation) -> RobotReport:
+def compared(inventory: Path, observation: RobotObservation) -> RobotReport:
     reports = robots.compare(load(inventory, decrypt=Vault().decrypt), "coastal", observation)
     return next(each for each in reports if each.namespace == "lauv")
 
@@ -108,7 +114,7 @@ def test_what_is_advised_makes_a_stranger_a_guest_until_its_last_day(
     assert compared(inventory, stranger()).findings[0].message == "no robot of this inventory has the namespace `lauv`"
 
 
-def impostor() -> Observation:
+def impostor() -> RobotObservation:
     """The stranger with a token of its own."""
     made = stranger()
     made.configurations[0].text = made.configurations[0].text.replace(TOKEN.encode(), b"somebody-else")
@@ -121,7 +127,7 @@ def impostor() -> Observation:
     ids=["itself", "impostor"],
 )
 def test_a_vaulted_token_is_compared_where_the_vault_is_open(
-    observation: Observation,
+    observation: RobotObservation,
     ending: tuple[int, str, list[str]],
     pier: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -136,7 +142,7 @@ def test_a_vaulted_token_is_compared_where_the_vault_is_open(
     file.write_text(own.replace(TOKEN, "!vault |\n  " + sealed.strip().replace("\n", "\n  ")))
     monkeypatch.setattr(robots, "expected_at", lambda *_: ["sparus"])
 
-    def discover(declaration: Declaration, site: str, *_: object) -> tuple[Observation, list[RobotReport]]:
+    def discover(declaration: Declaration, site: str, *_: object) -> tuple[RobotObservation, list[RobotReport]]:
         return observation, robots.compare(declaration, site, observation)
 
     monkeypatch.setattr(robots, "discover", discover)
@@ -153,7 +159,7 @@ def test_a_vaulted_token_is_compared_where_the_vault_is_open(
     assert ended("robot", "discover", "site=coastal") == (0, "WARN", ["token-sealed"])
     (line,) = advised(hints[0])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
-    monkeypatch.setattr(passphrase, "_typed", lambda _: Secret("of the vault"))
+    monkeypatch.setattr(passphrase, "_read_secret", lambda _: Secret("of the vault"))
     assert ended(*line) == ending
 
 
@@ -183,7 +189,7 @@ def test_a_file_is_written_for_a_robot_that_was_heard_once_and_is_declared(pier:
         ("other", stranger(), "0 robots of the namespace `other` were heard"),
         ("lauv", twice, "2 robots of the namespace `lauv` were heard"),
     ):
-        with pytest.raises(NothingMatched, match=message):
+        with pytest.raises(NoMatchError, match=message):
             robots.save(declaration, namespace, observation, lambda text: text)
     with pytest.raises(UsageError, match="is there already"):
         robots.save(declaration, "zarco", stranger("zarco"), lambda text: text)

@@ -20,14 +20,14 @@ import robot_cases
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.processes.remote_process import ProcessEnded
+from atlantis_netcfg.core.processes.remote_process import ProcessResult
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations.robots import remote
-from atlantis_netcfg.operations.robots.remote import ListeningFailed, listen_there
+from atlantis_netcfg.operations.robots.remote import ListenError, listen_there
 from atlantis_netcfg.robots import listener
 from atlantis_netcfg.robots.message_types import MessageTypes
-from atlantis_netcfg.robots.observation import Observation, judge
+from atlantis_netcfg.robots.observation import RobotObservation, judge
 
 STAND_INS = {
     "rclpy/__init__.py": "from ros_stand_in import create_node, init, spin_once",
@@ -66,7 +66,7 @@ def row(topic: str, kind: str, robot: int, rate_hz: float, *messages: bytes) -> 
     return {"topic": topic, "type": kind, **node, "rate_hz": rate_hz, "messages": [each.hex() for each in messages]}
 
 
-def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> Observation:
+def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> RobotObservation:
     """The whole program, as it is sent, where cyclonedds is not."""
     (folder / "network.json").write_text(json.dumps(rows))
     for name, text in STAND_INS.items():
@@ -93,7 +93,7 @@ def run(rows: Sequence[dict[str, Any]], folder: Path, seconds: float) -> Observa
     )
     assert done.stderr == b""
     host = robot_cases.shipped().hosts["coastal-gateway"]
-    return remote._observation(host, {}, ProcessEnded(done.returncode, done.stdout, done.stderr, overdue=False))
+    return remote._observation(host, {}, ProcessResult(done.returncode, done.stdout, done.stderr, overdue=False))
 
 
 def test_it_is_python_3_8_and_the_standard_library() -> None:
@@ -168,8 +168,8 @@ def test_without_either_library_it_says_so() -> None:
         check=False,
     )
     host = robot_cases.shipped().hosts["coastal-gateway"]
-    with pytest.raises(ListeningFailed, match="neither cyclonedds nor ROS 2"):
-        remote._observation(host, {}, ProcessEnded(0, done.stdout, b"", overdue=False))
+    with pytest.raises(ListenError, match="neither cyclonedds nor ROS 2"):
+        remote._observation(host, {}, ProcessResult(0, done.stdout, b"", overdue=False))
 
 
 def test_what_is_sent_is_small() -> None:
@@ -183,20 +183,29 @@ ACCESS = {"host": "10.64.1.10", "port": 22, "user": "root"}
 @pytest.mark.parametrize(
     ("ended", "words"),
     [
-        (ProcessEnded(255, b"alive\nalive\n", b"client_loop: send disconnect", overdue=False), "ended before it had"),
-        (ProcessEnded(-9, b"alive\n", b"", overdue=True), "ended before it had listened to the end"),
-        (ProcessEnded(-9, b"", b"", overdue=True), "was not reached: it did not answer in time"),
-        (ProcessEnded(255, b"", b"root@10.64.1.10: Permission denied (publickey).", overdue=False), "does not let you"),
-        (ProcessEnded(255, b"", b"Host key verification failed.", overdue=False), "not the declared one"),
-        (ProcessEnded(127, b"", b"sh: 1: exec: python3: not found", overdue=False), "has no python3"),
-        (ProcessEnded(0, b'alive\n{"heard": "eJw', b"", overdue=False), "ended before it had listened to the end"),
-        (ProcessEnded(0, b'alive\n{"heard": "AAAA"}\n', b"", overdue=False), "ended before it had listened to the end"),
-        (ProcessEnded(0, b'{"trouble": "failed", "words": "DDSException: x"}', b"", overdue=False), "could not listen"),
+        (ProcessResult(255, b"alive\nalive\n", b"client_loop: send disconnect", overdue=False), "ended before it had"),
+        (ProcessResult(-9, b"alive\n", b"", overdue=True), "ended before it had listened to the end"),
+        (ProcessResult(-9, b"", b"", overdue=True), "was not reached: it did not answer in time"),
+        (
+            ProcessResult(255, b"", b"root@10.64.1.10: Permission denied (publickey).", overdue=False),
+            "does not let you",
+        ),
+        (ProcessResult(255, b"", b"Host key verification failed.", overdue=False), "not the declared one"),
+        (ProcessResult(127, b"", b"sh: 1: exec: python3: not found", overdue=False), "has no python3"),
+        (ProcessResult(0, b'alive\n{"heard": "eJw', b"", overdue=False), "ended before it had listened to the end"),
+        (
+            ProcessResult(0, b'alive\n{"heard": "AAAA"}\n', b"", overdue=False),
+            "ended before it had listened to the end",
+        ),
+        (
+            ProcessResult(0, b'{"trouble": "failed", "words": "DDSException: x"}', b"", overdue=False),
+            "could not listen",
+        ),
     ],
 )
-def test_what_did_not_come_whole_is_never_an_observation(ended: ProcessEnded, words: str) -> None:
+def test_what_did_not_come_whole_is_never_an_observation(ended: ProcessResult, words: str) -> None:
     host = robot_cases.shipped().hosts["coastal-gateway"]
-    with pytest.raises(ListeningFailed, match=words) as raised:
+    with pytest.raises(ListenError, match=words) as raised:
         remote._observation(host, ACCESS, ended)
     assert raised.value.exit == 6
     assert raised.value.hint

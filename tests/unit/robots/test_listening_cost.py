@@ -10,7 +10,7 @@ from atlantis_netcfg.cli import main
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.robots import remote
 from atlantis_netcfg.operations.robots.listening_cost import listening_cost
-from atlantis_netcfg.robots.observation import Observation
+from atlantis_netcfg.robots.observation import RobotObservation
 
 VPN, LAN = "10.80.1.7", "10.64.2.50"
 LISTEN = ["robot", "discover", "site=te4sea"]
@@ -25,13 +25,13 @@ def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[str]]:
         monkeypatch.setattr(robots, "listening_address", lambda *_: address)
         return places
 
-    def here(*_: object) -> tuple[Observation, list[object]]:
+    def here(*_: object) -> tuple[RobotObservation, list[object]]:
         places.append("here")
-        return Observation(5.0), []
+        return RobotObservation(5.0), []
 
-    def there(_declaration: object, host: object, *_: object, **_more: object) -> Observation:
+    def there(_declaration: object, host: object, *_: object, **_more: object) -> RobotObservation:
         places.append(str(getattr(host, "name", "")))
-        return Observation(5.0)
+        return RobotObservation(5.0)
 
     monkeypatch.setattr(robots, "discover", here)
     monkeypatch.setattr(remote, "listen_there", there)

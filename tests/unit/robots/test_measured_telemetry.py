@@ -24,13 +24,13 @@ from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.fit import measured_telemetry
 from atlantis_netcfg.operations.fit.measured_telemetry import (
-    TelemetryUnmeasured,
+    TelemetryUnknown,
     change,
     telemetry_of,
     with_telemetry,
     write,
 )
-from atlantis_netcfg.robots.observation import HeardWriter, Observation, RobotReport, RobotState
+from atlantis_netcfg.robots.observation import HeardWriter, RobotObservation, RobotReport, RobotState
 
 SECONDS = 10.0
 ROW = "- {topic: /a, data: numbers, rate_hz: 2, size_bytes: 60}"
@@ -131,7 +131,7 @@ def test_a_topic_whose_rate_is_unknown_is_told(inventory: Path, spoil: str) -> N
         "too quick": (replace(first, last_s=0.001),),
         "one of two": (first, replace(first, messages=2)),
     }
-    with pytest.raises(TelemetryUnmeasured, match=f"the rate of {first.topic} of `sparus` is not known after 10 s"):
+    with pytest.raises(TelemetryUnknown, match=f"the rate of {first.topic} of `sparus` is not known after 10 s"):
         build(inventory, replace(made, topics=(*wrong[spoil], *made.topics[1:])))
 
 
@@ -160,7 +160,7 @@ def test_a_written_inventory_says_what_was_build(inventory: Path) -> None:
 def test_a_robot_that_is_not_as_its_file_says_is_not_written(inventory: Path, verdict: Verdict) -> None:
     finding = BearerFinding(verdict, "token", "its token is not the one of its file", "ask")
     declaration, telemetry = load(inventory), build(inventory, report("sparus", finding))
-    with pytest.raises(TelemetryUnmeasured, match="its token is not the one of its file"):
+    with pytest.raises(TelemetryUnknown, match="its token is not the one of its file"):
         write(declaration, telemetry, change(declaration, telemetry, date(2026, 11, 29)))
     assert load(inventory).vehicles == declaration.vehicles
 
@@ -191,7 +191,9 @@ def typed(inventory: Path, *more: str, vehicle: str = "sparus") -> list[str]:
 
 
 def listening(monkeypatch: pytest.MonkeyPatch, *reports: RobotReport) -> None:
-    monkeypatch.setattr(robots, "discover", lambda *_: (Observation(SECONDS, {"key": "10.64.1.22"}), list(reports)))
+    monkeypatch.setattr(
+        robots, "discover", lambda *_: (RobotObservation(SECONDS, {"key": "10.64.1.22"}), list(reports))
+    )
 
 
 def test_a_vehicle_that_is_not_heard_is_told_with_who_is(

@@ -19,14 +19,14 @@ from atlantis_netcfg.robots.mock import RATES_HZ
 from atlantis_netcfg.robots.observation import (
     HeardConfiguration,
     HeardWriter,
-    Observation,
+    RobotObservation,
     RobotState,
     judge,
     topic_findings,
 )
 
 SECONDS = 30.0
-Change = Callable[[Observation], None]
+Change = Callable[[RobotObservation], None]
 
 
 def source() -> reading.RobotSource:
@@ -40,22 +40,22 @@ def writer(topic: str, kind: str, rate_hz: float) -> HeardWriter:
     return row
 
 
-def heard() -> Observation:
+def heard() -> RobotObservation:
     """Of a robot that does what its file says."""
     sparus = source()
     assert sparus.robot is not None
-    observation = Observation(SECONDS, {"key": "10.64.1.22"})
+    observation = RobotObservation(SECONDS, {"key": "10.64.1.22"})
     observation.writers = [writer(each.name, each.message_type, RATES_HZ[each.kind]) for each in sparus.robot.topics()]
     configuration = writer("/atlantis/configuration", "std_msgs/msg/String", 1.0)
     observation.configurations = [HeardConfiguration(configuration, sparus.text().encode())]
     return observation
 
 
-def of(observation: Observation, short: str) -> HeardWriter:
+def of(observation: RobotObservation, short: str) -> HeardWriter:
     return next(each for each in observation.writers if each.topic.endswith(short))
 
 
-def codes(observation: Observation) -> list[str]:
+def codes(observation: RobotObservation) -> list[str]:
     (report,) = judge(observation, [source()], ["sparus"], KeyNames())
     return [finding.code for finding in report.findings]
 
@@ -84,7 +84,7 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def replace_text(seen: Observation, old: str, new: str) -> None:
+def replace_text(seen: RobotObservation, old: str, new: str) -> None:
     seen.configurations[0].text = seen.configurations[0].text.replace(old.encode(), new.encode())
 
 
@@ -208,12 +208,12 @@ def test_a_point_cloud_that_comes_seldom_keeps_to_its_guideline() -> None:
     robot = source().robot
     assert robot is not None
     clouds = robot.model_copy(update={"telemetry": Telemetry(point_clouds=(Topic(topic=topic.name),))})
-    seen = Observation(SECONDS, writers=[*heard().writers, row])
+    seen = RobotObservation(SECONDS, writers=[*heard().writers, row])
     assert [*topic_findings(clouds, seen.writers, seen)] == []
 
 
 def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None:
-    observation = Observation(SECONDS, {"key": "10.64.1.23"}, other_domains={"10.64.1.22": [7, 42]})
+    observation = RobotObservation(SECONDS, {"key": "10.64.1.23"}, other_domains={"10.64.1.22": [7, 42]})
     reports = judge(observation, [source()], ["sparus"], KeyNames())
     assert [each.state for each in reports] == [RobotState.MISSING]
     assert [(each.verdict, each.code) for each in reports[0].findings] == [
@@ -226,7 +226,7 @@ def test_who_speaks_in_another_domain_is_told_where_a_robot_is_missing() -> None
 
 
 def test_silence_is_never_green() -> None:
-    silence = Observation(SECONDS)
+    silence = RobotObservation(SECONDS)
     assert ending(judge(silence, [source()], [], KeyNames()), silence) == 6
 
 

@@ -17,7 +17,7 @@ from atlantis_netcfg.inventory.robots.key_names import KeyNames
 from atlantis_netcfg.operations import robots
 from atlantis_netcfg.robots import replay
 from atlantis_netcfg.robots.message_types import MessageTypes
-from atlantis_netcfg.robots.observation import HeardWriter, Observation
+from atlantis_netcfg.robots.observation import HeardWriter, RobotObservation
 from atlantis_netcfg.robots.recording import BagRecorder
 
 pytest.importorskip("cyclonedds", reason="PyPI has no cyclonedds for this machine")
@@ -131,7 +131,7 @@ def test_a_recording_that_cannot_be_finished_is_not_told_as_one(
     monkeypatch.setattr("rosbags.rosbag2.Writer.close", full)
     recorder = record(tmp_path / "bag", (DEPTH, content(DEPTH)))
     monkeypatch.setattr(robots, "recorder", lambda *_: recorder)
-    monkeypatch.setattr(robots, "discover", lambda *_: (Observation(5.0, {"key": "10.64.1.22"}), []))
+    monkeypatch.setattr(robots, "discover", lambda *_: (RobotObservation(5.0, {"key": "10.64.1.22"}), []))
     assert main(["robot", "discover", "site=coastal", "record=anywhere"]) == ExitCode.CHECKS_FAILED
     shown = capsys.readouterr().out
     assert "the recording ended early: it could not be finished: disk I/O error" in shown

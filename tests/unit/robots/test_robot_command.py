@@ -15,7 +15,7 @@ from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations import robots
-from atlantis_netcfg.robots.observation import Observation, RobotReport, RobotState
+from atlantis_netcfg.robots.observation import RobotObservation, RobotReport, RobotState
 
 CANARY = "canary-of-a-token"
 
@@ -150,7 +150,7 @@ def test_what_a_file_or_a_robot_says_moves_no_cursor(
 
     finding = BearerFinding(Verdict.FAIL, "code", "the host \x1b[2J\u202e says so", "")
     report = RobotReport("\x1b]0;mares\x07", RobotState.UNKNOWN, None, (finding,))
-    monkeypatch.setattr(robots, "discover", lambda *_: (Observation(5.0, {"key": "\x1b[2J"}), [report]))
+    monkeypatch.setattr(robots, "discover", lambda *_: (RobotObservation(5.0, {"key": "\x1b[2J"}), [report]))
     assert main(["robot", "discover", "site=coastal", f"inventory={inventory}"]) == ExitCode.CHECKS_FAILED
     heard = capsys.readouterr().out
     assert "says so" in heard

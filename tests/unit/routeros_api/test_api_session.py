@@ -9,14 +9,14 @@ from typing import Any, TypeVar
 import pytest
 from scripted_device import PASSWORD, Device, Peer, frame, serving
 
-from atlantis_netcfg.core.errors import DeviceFailed, ExitCode
+from atlantis_netcfg.core.errors import DeviceError, ExitCode
 from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.api import (
     WINDOW,
     Command,
-    LoginRefused,
+    CommandError,
+    LoginError,
     ProtocolError,
-    Refused,
     Reply,
     Session,
     SessionLost,
@@ -91,8 +91,8 @@ def test_the_login_is_one_tagged_sentence_and_one_round_trip(tmp_path: Path) -> 
     sentence = ["/login", "=name=provision", f"=password={PASSWORD}", ".tag=1"]
     assert seen == [sentence]
     assert traffic.round_trips == TO_LOG_IN
-    assert traffic.sent > len(frame(*sentence))
-    assert traffic.received > len(frame("!done", ".tag=1"))
+    assert traffic.sent_bytes > len(frame(*sentence))
+    assert traffic.received_bytes > len(frame("!done", ".tag=1"))
     assert certificate == fingerprint
 
 
@@ -134,7 +134,7 @@ def test_a_wrong_password_is_told_in_the_devices_words_only(tmp_path: Path) -> N
         await peer.gone()
 
     error = opening(tmp_path, script, password="not the horse")
-    assert isinstance(error, LoginRefused)
+    assert isinstance(error, LoginError)
     assert str(error).endswith("refused the login of `provision`: invalid user name or password (6)")
     assert "horse" not in f"{error!r} {error} {error.hint}"
 
@@ -224,9 +224,9 @@ def test_a_refused_command_does_not_stop_the_others(tmp_path: Path) -> None:
     add = Command("/ip/address/add", (("address", "192.0.2.1/24"),))
     refused, done = talk(tmp_path, script, lambda session: session.flight([add, add]))
     assert refused.trap == Trap("invalid value for argument address", 1)
-    assert done.checked().ret == "*7"
-    with pytest.raises(Refused) as caught:
-        refused.checked()
+    assert done.check().ret == "*7"
+    with pytest.raises(CommandError) as caught:
+        refused.check()
     assert str(caught.value) == "the device refused /ip/address/add: invalid value for argument address"
     assert (caught.value.trap, caught.value.path) == (refused.trap, "/ip/address/add")
 
@@ -286,7 +286,7 @@ def test_a_device_that_hangs_in_the_larger_window_is_read_anew_in_the_smaller(tm
     async def use() -> tuple[int, int, int]:
         narrowed: list[bool] = []
         async with serving(tmp_path, script) as device:
-            endpoint = replace(device.endpoint(reply_timeout_s=0.2), narrowed=lambda: narrowed.append(True))
+            endpoint = replace(device.endpoint(reply_timeout_s=0.2), on_window_shrink=lambda: narrowed.append(True))
             async with await Session.open(endpoint) as session:
                 replies = await session.flight([PRINT] * 60)
                 return len(replies), len(narrowed), session.traffic.round_trips
@@ -306,7 +306,7 @@ def test_a_session_that_has_changed_something_is_not_replaced(tmp_path: Path) ->
     async def use() -> int:
         narrowed: list[bool] = []
         async with serving(tmp_path, script) as device:
-            endpoint = replace(device.endpoint(reply_timeout_s=0.2), narrowed=lambda: narrowed.append(True))
+            endpoint = replace(device.endpoint(reply_timeout_s=0.2), on_window_shrink=lambda: narrowed.append(True))
             async with await Session.open(endpoint) as session:
                 await session.command(Command("/safe-mode/take"))
                 with pytest.raises(SessionLost, match=r"has not answered for 0\.2 s$"):
@@ -532,8 +532,8 @@ def test_default_patience_outlives_a_gap_of_a_satellite_link() -> None:
 
 def test_the_public_surface() -> None:
     assert api.__all__ == [
-        *("READING_WINDOW", "WINDOW", "CertificateChanged", "CertificateUnknown", "Command", "Endpoint"),
-        *("FellSilent", "LoginRefused", "ProtocolError", "Refused", "Reply", "Session", "SessionLost"),
+        *("READING_WINDOW", "WINDOW", "CertificateMismatch", "CertificateUnknown", "Command", "CommandError"),
+        *("Endpoint", "FellSilent", "LoginError", "ProtocolError", "Reply", "Session", "SessionLost"),
         *("Traffic", "Trap", "Unreachable", "certificate_of", "may_cut_off", "shown_certificate"),
     ]
 
@@ -542,4 +542,4 @@ def test_every_error_ends_a_run_as_a_failed_device() -> None:
     errors = [getattr(api, name) for name in api.__all__ if isinstance(getattr(api, name), type)]
     kinds = [kind for kind in errors if issubclass(kind, Exception)]
     assert len(kinds) == 8
-    assert all(issubclass(kind, DeviceFailed) and kind.exit == ExitCode.FAILED for kind in kinds)
+    assert all(issubclass(kind, DeviceError) and kind.exit == ExitCode.FAILED for kind in kinds)

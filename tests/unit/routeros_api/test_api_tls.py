@@ -10,7 +10,14 @@ import pytest
 from scripted_device import Device, Peer, serving
 
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.routeros.api import CertificateChanged, CertificateUnknown, Endpoint, Session, Traffic, Unreachable
+from atlantis_netcfg.routeros.api import (
+    CertificateMismatch,
+    CertificateUnknown,
+    Endpoint,
+    Session,
+    Traffic,
+    Unreachable,
+)
 from atlantis_netcfg.routeros.api._tls import (
     TlsTransport,
     certificate_bytes,
@@ -35,14 +42,14 @@ def test_closing_before_there_is_a_connection_does_nothing() -> None:
 
 
 def test_another_certificate_is_refused_before_the_login_is_sent(tmp_path: Path) -> None:
-    async def use() -> tuple[CertificateChanged, str]:
+    async def use() -> tuple[CertificateMismatch, str]:
         async with serving(tmp_path, hears_nothing) as device:
-            with pytest.raises(CertificateChanged) as caught:
+            with pytest.raises(CertificateMismatch) as caught:
                 await Session.open(device.endpoint(pin=OTHER))
             return caught.value, device.fingerprint
 
     error, seen = asyncio.run(use())
-    assert (error.pinned, error.seen) == (OTHER, seen)
+    assert (error.pinned_fingerprint, error.fingerprint) == (OTHER, seen)
     assert OTHER in str(error)
     assert seen in str(error)
     assert error.hint is not None

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from scripted import Scripted
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.routeros import verify
-from atlantis_netcfg.routeros.api import Endpoint, LoginRefused, Reply, Trap
+from atlantis_netcfg.routeros.api import Endpoint, LoginError, Reply, Trap
 from atlantis_netcfg.routeros.apply._contact import Contact
 from atlantis_netcfg.routeros.apply._job import DeviceJob, Patience
 from atlantis_netcfg.routeros.apply._settle import _is_reachable
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def test_a_refused_login_ends_the_proof_of_the_way_in() -> None:
-    failures: list[Exception] = [DeviceFailed("away"), LoginRefused("no"), DeviceFailed("asked too often")]
+    failures: list[Exception] = [DeviceError("away"), LoginError("no"), DeviceError("asked too often")]
     events: list[Event] = []
 
     async def connect(_: Endpoint) -> Any:  # noqa: ANN401 - it never returns

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 import pytest
 from scripted import Scripted
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.routeros._types import Observed
-from atlantis_netcfg.routeros.api import Command, Endpoint, Refused, Reply, Trap
+from atlantis_netcfg.routeros._types import Observation
+from atlantis_netcfg.routeros.api import Command, CommandError, Endpoint, Reply, Trap
 from atlantis_netcfg.routeros.apply._work import look
-from atlantis_netcfg.routeros.observe import LATER, MenuMissing, completed, observe
+from atlantis_netcfg.routeros.observe import LATER, MenuMissing, complete_observation, observe
 
 ENDPOINT = Endpoint("192.0.2.1", 8729, "provision", Secret("x"), None)
 ANSWERS: Mapping[str, Reply] = {
@@ -37,7 +37,7 @@ ANSWERS: Mapping[str, Reply] = {
 GONE = Reply(trap=Trap("no such command prefix", 0))
 
 
-def read(changes: Mapping[str, Reply], *needed: str, looked_at: tuple[str, ...] = ()) -> Observed:
+def read(changes: Mapping[str, Reply], *needed: str, looked_at: tuple[str, ...] = ()) -> Observation:
     answers = {**ANSWERS, **changes}
     return asyncio.run(observe(Scripted(lambda command: answers[command.path]), ENDPOINT, needed, looked_at))
 
@@ -65,11 +65,11 @@ def test_who_we_are_is_asked_later_and_once() -> None:
         sent.append(command.path)
         return ANSWERS[command.path]
 
-    async def act() -> tuple[Observed, Observed]:
+    async def act() -> tuple[Observation, Observation]:
         session = Scripted(answer)
         first = await observe(session, ENDPOINT, ["/ip/pool", "/certificate"])
         sent.clear()
-        whole, beside = await completed(session, ENDPOINT, first)
+        whole, beside = await complete_observation(session, ENDPOINT, first)
         assert not beside
         return first, whole
 
@@ -119,18 +119,18 @@ def test_menus_that_are_only_looked_at_may_be_missing_or_kept_from_us() -> None:
     found = read({"/ip/pool/print": GONE, "/user/print": secret}, looked_at=("/ip/pool", *LATER))
     assert "/ip/pool" not in found.rows
     assert found.facts.policies == frozenset()
-    with pytest.raises(Refused, match="not enough permissions"):
+    with pytest.raises(CommandError, match="not enough permissions"):
         read({"/ip/pool/print": secret}, "/ip/pool")
 
 
 @pytest.mark.parametrize("rows", [(), ({},), ({"version": "OpenWrt 23"},)])
 def test_a_device_of_another_kind(rows: tuple[Mapping[str, str], ...]) -> None:
-    with pytest.raises(DeviceFailed, match="no RouterOS that we know"):
+    with pytest.raises(DeviceError, match="no RouterOS that we know"):
         read({"/system/resource/print": Reply(rows)})
 
 
 def test_settings_of_two_rows_are_refused_in_words_and_of_none_are_taken_as_none() -> None:
     two = {"/routing/settings/print": Reply(({"policy-rules": "main"}, {"policy-rules": "user"}))}
-    with pytest.raises(DeviceFailed, match="/routing settings: settings are one row, and the device answers with 2"):
+    with pytest.raises(DeviceError, match="/routing settings: settings are one row, and the device answers with 2"):
         read(two, looked_at=("/routing/settings",))
     assert read({"/routing/settings/print": Reply()}, looked_at=("/routing/settings",)).rows["/routing/settings"] == ()

@@ -5,9 +5,9 @@ import asyncio
 import pytest
 from scripted import Scripted
 
-from atlantis_netcfg.core.errors import DeviceFailed
+from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros.api import Command, Reply, Trap
-from atlantis_netcfg.routeros.apply._state import fetch, saved
+from atlantis_netcfg.routeros.apply._state import fetch, parse_export
 from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter
 
 EXPORT = "# 2026-01-01 08:00:00 by RouterOS 7.18.2\n# software id = X\n/ip pool\nadd name=lan\n"
@@ -16,7 +16,7 @@ REFUSED = Reply(trap=Trap("no such command", 0))
 
 
 def test_a_whole_export_proves_that_scripts_run() -> None:
-    found = saved(Reply(ret=EXPORT.replace("\n", "\r\n") + "atlantis: all of it\r\n"), REFUSED)
+    found = parse_export(Reply(ret=EXPORT.replace("\n", "\r\n") + "atlantis: all of it\r\n"), REFUSED)
     assert found.text == EXPORT
     assert isinstance(found.writer, ScriptWriter)
 
@@ -34,14 +34,14 @@ def test_a_whole_export_proves_that_scripts_run() -> None:
     ids=["nothing", "no export", "no end", "cut off", "no header", "something behind"],
 )
 def test_half_an_export_is_none(text: str) -> None:
-    found = saved(Reply(ret=text), PROBE)
+    found = parse_export(Reply(ret=text), PROBE)
     assert found.text is None
     assert isinstance(found.writer, ScriptWriter)
 
 
 @pytest.mark.parametrize("probe", [REFUSED, Reply(), Reply(ret="*5"), Reply(ret="atlantis\nand more")])
 def test_a_device_that_does_not_answer_scripts_gets_sentences(probe: Reply) -> None:
-    found = saved(REFUSED, probe)
+    found = parse_export(REFUSED, probe)
     assert found.text is None
     assert isinstance(found.writer, SentenceWriter)
 
@@ -69,10 +69,10 @@ def test_a_state_that_cannot_be_saved_stops_everything(broken: str) -> None:
     def answer(command: Command) -> Reply:
         return Reply(trap=Trap("not enough permissions (9)")) if command.path == broken else Reply(({"data": ""},))
 
-    with pytest.raises(DeviceFailed, match=r"cannot be saved.*not enough permissions \(9\)"):
+    with pytest.raises(DeviceError, match=r"cannot be saved.*not enough permissions \(9\)"):
         asyncio.run(fetch(Scripted(answer)))
 
 
 def test_an_empty_export_is_none() -> None:
-    with pytest.raises(DeviceFailed, match="its export is empty"):
+    with pytest.raises(DeviceError, match="its export is empty"):
         asyncio.run(fetch(Scripted(lambda _: Reply())))

@@ -20,7 +20,7 @@ def plan(*actions: Action) -> Plan:
 
 
 def sizes(stages: Stages) -> tuple[int, list[int], int]:
-    weights = [sum(each.weight for each in piece) for piece in stages.protected]
+    weights = [sum(each.weight for each in piece) for piece in stages.pieces]
     return len(stages.prepare), weights, len(stages.finish)
 
 
@@ -54,17 +54,17 @@ def test_the_cheapest_cut(named: int, plain: int, naming: int, expected: tuple[i
 def test_every_action_is_sent_once_and_in_order() -> None:
     whole = mixed(7, 33, 12)
     stages = cut(whole, Protection.SAFE_MODE, BUDGET)
-    sent = [*stages.prepare, *(each for piece in stages.protected for each in piece), *stages.finish]
+    sent = [*stages.prepare, *(each for piece in stages.pieces for each in piece), *stages.finish]
     assert sorted(each.number for each in sent) == [each.number for each in whole.actions]
-    assert [each.number for piece in stages.protected for each in piece] == sorted(
-        each.number for piece in stages.protected for each in piece
+    assert [each.number for piece in stages.pieces for each in piece] == sorted(
+        each.number for piece in stages.pieces for each in piece
     )
 
 
 def test_one_action_over_too_many_rows_is_cut() -> None:
     stages = cut(plan(action(1), action(2, rows=25), action(3)), Protection.SAFE_MODE, BUDGET)
     assert sizes(stages) == (0, [1, 10, 10, 6], 0)
-    rows = [row for piece in stages.protected for each in piece for row in each.ids]
+    rows = [row for piece in stages.pieces for each in piece for row in each.ids]
     assert rows == [f"*{each}" for each in range(25)]
 
 

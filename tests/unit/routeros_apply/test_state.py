@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._items import RunTime
-from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observed, Plan, Row, Verb
+from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observation, Plan, Row, Verb
 from atlantis_netcfg.routeros.apply._state import differing, digest, invalid, plan_hash, restoring
 from atlantis_netcfg.routeros.planner import plan, simulate
 
@@ -14,7 +14,7 @@ FACTS = Facts(
 POOL, FILTER, VPN, ROUTE = "/ip/pool", "/ip/firewall/filter", "/interface/ovpn-client", "/ip/route"
 
 
-def observed(**menus: tuple[Row, ...]) -> Observed:
+def observed(**menus: tuple[Row, ...]) -> Observation:
     names = {
         "pool": POOL,
         "filter": FILTER,
@@ -23,7 +23,7 @@ def observed(**menus: tuple[Row, ...]) -> Observed:
         "ethernet": "/interface/ethernet",
         "note": "/system/note",
     }
-    return Observed(FACTS, {names[name]: rows for name, rows in menus.items()})
+    return Observation(FACTS, {names[name]: rows for name, rows in menus.items()})
 
 
 def pool(name: str, **values: str) -> Mapping[str, str]:
@@ -60,7 +60,7 @@ def test_what_a_device_does_to_rows_of_ours_by_itself_is_no_difference_where_it_
     """A link is given up between two readings: nobody else was there."""
     moves = (RunTime(ROUTE, "distance", "10", "110"),)
 
-    def route(distance: str, comment: str = "atlantis: 4g") -> Observed:
+    def route(distance: str, comment: str = "atlantis: 4g") -> Observation:
         return observed(route=({".id": "*1", "dst-address": "0.0.0.0/0", "distance": distance, "comment": comment},))
 
     assert differing(route("10"), route("110"), moves) == differing(route("110"), route("10"), moves) == ()
@@ -110,4 +110,4 @@ def test_a_restored_state_is_the_state() -> None:
         note=({"note": "hello"},),
     )
     rows = simulate(now.rows, plan("router", restoring(before), now))
-    assert differing(before, Observed(FACTS, rows)) == ()
+    assert differing(before, Observation(FACTS, rows)) == ()

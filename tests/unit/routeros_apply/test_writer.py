@@ -9,7 +9,7 @@ from scripted import Scripted
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.api import WINDOW, Command, Reply, Trap
 from atlantis_netcfg.routeros.apply._scripts import LIMIT, action_at, output, scripts
-from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer, Written
+from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer, WriteResult
 
 POOL, FILTER, LEASE = "/ip/pool", "/ip/firewall/filter", "/ip/dhcp-server/lease"
 
@@ -22,7 +22,7 @@ def leases(count: int) -> list[Action]:
     return [add(number, LEASE, address=f"10.0.{number // 256}.{number % 256}") for number in range(1, count + 1)]
 
 
-def send(writer: Writer, actions: Sequence[Action], answer: Callable[[Command], Reply]) -> Written:
+def send(writer: Writer, actions: Sequence[Action], answer: Callable[[Command], Reply]) -> WriteResult:
     return asyncio.run(writer.send(Scripted(answer), actions))
 
 
@@ -67,7 +67,7 @@ def test_lines_are_found_again() -> None:
 )
 def test_output_is_acknowledgements_and_words(text: str, acknowledged: tuple[int, ...], words: str) -> None:
     said = output(text)
-    assert (said.acknowledged, said.words) == (acknowledged, words)
+    assert (said.acknowledged_numbers, said.words) == (acknowledged, words)
 
 
 @pytest.mark.parametrize(
@@ -90,9 +90,9 @@ def test_output_is_acknowledgements_and_words(text: str, acknowledged: tuple[int
 )
 def test_what_a_script_says_of_itself(reply: Reply, acknowledged: tuple[int, ...], refused: str | None) -> None:
     written = send(ScriptWriter(), [add(1, name="a"), add(2, name="b")], lambda _: reply)
-    assert written.acknowledged == acknowledged
-    assert (written.refused is None) == (refused is None)
-    assert refused is None or (written.refused or "").startswith(refused)
+    assert written.acknowledged_numbers == acknowledged
+    assert (written.refusal is None) == (refused is None)
+    assert refused is None or (written.refusal or "").startswith(refused)
 
 
 def test_independent_rows_go_in_several_scripts_at_once() -> None:
@@ -106,8 +106,8 @@ def test_a_script_beside_others_is_refused_on_its_own() -> None:
     (_, first), (_, second) = scripts(actions)
     said = iter(["no such item", "\n".join(f"ok {action.number}" for action in second)])
     written = send(ScriptWriter(), actions, lambda _: Reply(ret=next(said)))
-    assert written.refused == "the device refused to add row 1 in /ip dhcp-server lease: no such item"
-    assert written.acknowledged == tuple(action.number for action in second)
+    assert written.refusal == "the device refused to add row 1 in /ip dhcp-server lease: no such item"
+    assert written.acknowledged_numbers == tuple(action.number for action in second)
     assert len(first) + len(second) == 3000
 
 
@@ -125,7 +125,7 @@ def test_a_refused_sentence_is_named() -> None:
         return Reply(trap=Trap("failure: already have such entry")) if refused else Reply(ret="*1")
 
     written = send(SentenceWriter(), leases(3), answer)
-    assert written.acknowledged == (1, 3)
+    assert written.acknowledged_numbers == (1, 3)
     assert (
-        written.refused == "the device refused to add row 2 in /ip dhcp-server lease: failure: already have such entry"
+        written.refusal == "the device refused to add row 2 in /ip dhcp-server lease: failure: already have such entry"
     )

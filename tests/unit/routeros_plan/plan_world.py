@@ -1,7 +1,7 @@
 """Devices for tests, written as the text that a technician would read on them."""
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import Facts, Observed, Plan, Row
+from atlantis_netcfg.routeros._types import Facts, Observation, Plan, Row
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.rsc import parse
@@ -37,8 +37,8 @@ def rows(text: str) -> dict[str, tuple[Row, ...]]:
     return {path: tuple(each) for path, each in found.items()}
 
 
-def observed(text: str, version: str = "7.18.2", policies: frozenset[str] = POLICIES) -> Observed:
-    return Observed(facts(version, policies), rows(text))
+def observed(text: str, version: str = "7.18.2", policies: frozenset[str] = POLICIES) -> Observation:
+    return Observation(facts(version, policies), rows(text))
 
 
 def lines(plan: Plan) -> list[str]:

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 
 from atlantis_netcfg.emulator.routeros import Deviation
 from atlantis_netcfg.operations.lte import assumptions as rutos
-from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, unconfirmed
+from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, READS, SILENCE, TRY, summarize_assumptions
 from atlantis_netcfg.routeros.verify import CHECKS, TRIES
 
 CHECKOUT = Path(__file__).parents[3]
@@ -57,8 +57,8 @@ def test_the_table_says_everything_once() -> None:
         assert re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)+", each.id)
         assert each.sentence.endswith(".")
         assert each.rests.endswith(".")
-        assert each.shown in {READS, TRY, SILENCE} or each.shown.startswith("needs a person: ")
-    assert str(len(ASSUMPTIONS)) in unconfirmed()
+        assert each.proof in {READS, TRY, SILENCE} or each.proof.startswith("needs a person: ")
+    assert str(len(ASSUMPTIONS)) in summarize_assumptions()
 
 
 def test_the_code_names_every_row_and_no_other() -> None:
@@ -74,9 +74,9 @@ def test_no_inference_is_left_beside_the_table() -> None:
 
 def test_whatever_a_device_can_show_is_shown() -> None:
     of_the_session = {"api-flight-100", "tls-version"}
-    assert {each.id for each in ASSUMPTIONS if each.shown == READS} == {*CHECKS, *of_the_session}
-    assert {each.id for each in ASSUMPTIONS if each.shown == TRY} == set(TRIES)
-    assert [each.id for each in ASSUMPTIONS if each.shown == SILENCE] == ["api-silent-session"]
+    assert {each.id for each in ASSUMPTIONS if each.proof == READS} == {*CHECKS, *of_the_session}
+    assert {each.id for each in ASSUMPTIONS if each.proof == TRY} == set(TRIES)
+    assert [each.id for each in ASSUMPTIONS if each.proof == SILENCE] == ["api-silent-session"]
     assert {deviation.value for deviation in Deviation} <= set(IDS)
 
 
@@ -84,7 +84,7 @@ def test_the_page_has_the_table() -> None:
     page = (CHECKOUT / "docs" / "verify.md").read_text(encoding="utf-8")
     rows = [line for line in page.splitlines() if line.startswith("| `")]
     table = (*ASSUMPTIONS, *rutos.ASSUMPTIONS)
-    assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.shown} |" for each in table]
+    assert rows == [f"| `{each.id}` | {each.sentence} | {each.rests} | {each.proof} |" for each in table]
 
 
 def test_the_map_of_the_facts_names_rows_or_a_reason() -> None:

@@ -151,9 +151,9 @@ def test_an_export_is_the_whole_of_its_menus_but_for_what_it_hides() -> None:
     assert desired.restores
     assert desired.entire == set(only) - {"/user"}
     assert desired.items["/interface/ovpn-client"][0].unknown == {"password"}
-    assert desired.items["/system/logging/action"][0].given == {"name": "remote", "remote": "10.0.0.1"}
+    assert desired.items["/system/logging/action"][0].defined_values == {"name": "remote", "remote": "10.0.0.1"}
     assert desired.items["/ip/dns"] == ()
-    assert desired.items["/ip/pool"][0].given == {"name": "a", "ranges": "10.0.0.1"}
+    assert desired.items["/ip/pool"][0].defined_values == {"name": "a", "ranges": "10.0.0.1"}
     assert desired.notes == (
         "/user is not part of an export: it stays as it is",
         "before.rsc, line 9: `colour` of /ip pool stays as it is",

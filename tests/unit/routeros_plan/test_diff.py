@@ -22,7 +22,7 @@ def test_the_diff_reads_as_written(case: str) -> None:
 
 def test_no_secret_is_in_a_plan_that_is_shown() -> None:
     planned = plan("r", read(text("rows.desired.rsc")), observed(text("rows.device.rsc")))
-    shown = planned.diff + repr([action.shown() for action in planned.actions])
+    shown = planned.diff + repr([action.get_masked_values() for action in planned.actions])
     assert not [secret for secret in ("ecret", "second", "old user", "password=old") if secret in shown]
 
 

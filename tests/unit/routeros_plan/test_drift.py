@@ -34,7 +34,7 @@ def compared(case: dict[str, Any]) -> Comparison:
 def test_case(case: dict[str, Any]) -> None:
     found = compared(case)
     assert drift_lines(found.as_dict()) == case.get("told", ""), drift_lines(found.as_dict())
-    assert len(found.drifted) == case.get("drifted", 0)
+    assert len(found.drift) == case.get("drifted", 0)
 
 
 def test_what_was_confirmed_is_told_with_its_time() -> None:

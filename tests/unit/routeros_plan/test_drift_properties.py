@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from test_planner_properties import LISTS, declared, device, lists_of
 
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Observed, Verb
+from atlantis_netcfg.routeros._types import Observation, Verb
 from atlantis_netcfg.routeros.drift import Comparison, DriftKind, Past, Since, compare
 from atlantis_netcfg.routeros.menus import Menu
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 from atlantis_netcfg.runs.report.drift import drift_lines
 
 AT = datetime(2026, 5, 4, 3, 2, 1, tzinfo=UTC)
-EXPORTED = [menu for menu in LISTS if menu.exported]
+EXPORTED = [menu for menu in LISTS if menu.is_exported]
 
 
 def kinds(found: Comparison) -> list[DriftKind]:
@@ -36,16 +36,16 @@ def test_what_is_told_is_what_a_run_would_do(menu: Menu, data: st.DataObject, *,
     past = Past.read("RUN", AT, snapshot.write("r", desired, observed))
     found = compare(desired, observed, planned, past)
     told = drift_lines(json.loads(json.dumps(found.as_dict())))
-    assert bool(told) == bool(planned.actions or planned.drift or planned.hidden)
+    assert bool(told) == bool(planned.actions or planned.drift or planned.hidden_secrets)
 
     count = {verb: sum(len(one.ids) or 1 for one in planned.actions if one.verb is verb) for verb in Verb}
     whole = kinds(found).count(DriftKind.MISSING) + kinds(found).count(DriftKind.ADDED)
     assert whole <= count[Verb.ADD] + count[Verb.REMOVE]
     assert kinds(found).count(DriftKind.FOREIGN) == len(planned.drift)
-    assert len(found.differences) <= sum(count.values()) + len(planned.drift) + len(planned.hidden)
+    assert len(found.differences) <= sum(count.values()) + len(planned.drift) + len(planned.hidden_secrets)
     assert len(set(map(str, found.differences))) > 0 or not found.differences
 
-    later = Observed(observed.facts, simulate(observed.rows, planned))
+    later = Observation(observed.facts, simulate(observed.rows, planned))
     after = compare(desired, later, plan("r", desired, later), past)
     assert set(kinds(after)) <= {DriftKind.FOREIGN, DriftKind.HIDDEN}
 

@@ -6,7 +6,7 @@ from plan_world import observed
 from row_subtests import for_each_row
 
 from atlantis_netcfg.routeros import estimate as module
-from atlantis_netcfg.routeros._types import Observed, Plan
+from atlantis_netcfg.routeros._types import Observation, Plan
 from atlantis_netcfg.routeros.api._wire import encode
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.estimate import TYPICAL_MENUS, BearerProfile, Estimate, estimate
@@ -15,8 +15,8 @@ from atlantis_netcfg.routeros.observe import printing
 from atlantis_netcfg.routeros.planner import plan, simulate
 from atlantis_netcfg.routeros.safe_mode import BUDGET
 
-LAN = BearerProfile("lan", 0.001, 100e6, 100e6, metered=False)
-IRIDIUM = BearerProfile("satellite", 0.7, 352e3, 704e3, metered=True)
+LAN = BearerProfile("lan", 0.001, 100e6, 100e6, is_metered=False)
+IRIDIUM = BearerProfile("satellite", 0.7, 352e3, 704e3, is_metered=True)
 NOTHING = Plan("r", (), "")
 CHECKPOINT = 7
 """Round trips: a session (four), release, take, and the next script."""
@@ -25,7 +25,7 @@ SIGN = 1
 GOLDEN = Path(__file__).parents[1] / "render" / "golden" / "coastal-router.rsc"
 
 
-def first_configuration() -> tuple[Plan, Observed]:
+def first_configuration() -> tuple[Plan, Observation]:
     there = observed(
         "/interface ethernet\n"
         + "".join(f"set [ find default-name=ether{n} ] name=ether{n} poe-out=auto-on\n" for n in range(1, 9))
@@ -35,7 +35,7 @@ def first_configuration() -> tuple[Plan, Observed]:
         + "/ip service\nset telnet\nset ftp\nset www\nset ssh\nset www-ssl\nset api\nset winbox\nset api-ssl\n"
         + "/system logging action\nadd name=memory target=memory\n"
     )
-    there = Observed(there.facts, {path: there.rows[path] for path in TYPICAL_MENUS})
+    there = Observation(there.facts, {path: there.rows[path] for path in TYPICAL_MENUS})
     return plan("r", read(GOLDEN.read_text(encoding="utf-8")), there), there
 
 
@@ -65,7 +65,7 @@ def test_a_first_configuration_stays_within_its_round_trips() -> None:
 
 def test_after_it_nothing_is_left_to_pay_but_the_reading() -> None:
     planned, there = first_configuration()
-    later = Observed(there.facts, simulate(there.rows, planned))
+    later = Observation(there.facts, simulate(there.rows, planned))
     again = estimate(plan("r", read(GOLDEN.read_text(encoding="utf-8")), later), LAN, later)
     assert again.round_trips == 5
     assert again.bytes_down > estimate(NOTHING, LAN, there).bytes_down

@@ -8,7 +8,7 @@ from plan_world import facts, observed, rows
 from row_subtests import for_each_row
 
 from atlantis_netcfg.routeros import guard
-from atlantis_netcfg.routeros._types import Observed
+from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.guard import ManagementPath
 from atlantis_netcfg.routeros.guard._state import State
@@ -20,14 +20,16 @@ CASES = yaml.safe_load((HERE / "guard_cases.yml").read_text(encoding="utf-8"))
 GOLDEN = HERE.parent / "render" / "golden"
 
 
-def device(case: dict[str, Any]) -> Observed:
+def device(case: dict[str, Any]) -> Observation:
     known, also = rows(DEVICE), rows(case.get("also", ""))
     both = {
         menu: found + tuple({**row, ".id": f"*A{row['.id'][1:]}"} for row in also[menu] if ".id" in row)
         for menu, found in known.items()
     }
     instead = case.get("instead", "/")
-    return Observed(facts(case.get("version", "7.18.2")), both | {menu: also[menu] for menu in also if menu == instead})
+    return Observation(
+        facts(case.get("version", "7.18.2")), both | {menu: also[menu] for menu in also if menu == instead}
+    )
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
@@ -49,7 +51,7 @@ ORDERS = {
 """Changes of routes alone."""
 
 
-def way_back_of(there: Observed) -> Observed:
+def way_back_of(there: Observation) -> Observation:
     """What is read of a device before its order of links is changed."""
     return replace(there, rows={menu: there.rows[menu] for menu in guard.WAY_BACK})
 
@@ -158,7 +160,7 @@ add name=full policy=local,telnet,ssh,ftp,reboot,read,write,policy,test,winbox,p
 SERVICES = "telnet ftp www ssh www-ssl api winbox"
 
 
-def adopted(text: str) -> tuple[Observed, ManagementPath]:
+def adopted(text: str) -> tuple[Observation, ManagementPath]:
     management = next(line for line in text.splitlines() if 'comment="atlantis: management" interface=' in line)
     address = management.split("address=")[1].split("/")[0]
     site, port = address.split(".")[2], management.split("interface=")[1]
@@ -182,16 +184,16 @@ def test_a_first_configuration_of_our_sites_keeps_the_technician_in(name: str) -
 def test_the_guard_says_which_menus_it_must_see() -> None:
     planned = plan("r", read("/ip address"), observed(DEVICE))
     path = ManagementPath("10.64.101.10", "10.64.101.1")
-    part = Observed(facts(), {menu: rows(DEVICE)[menu] for menu in guard.MENUS})
+    part = Observation(facts(), {menu: rows(DEVICE)[menu] for menu in guard.MENUS})
     assert guard.objections(planned, part, path) == guard.objections(planned, observed(DEVICE), path)
-    assert guard.objections(planned, Observed(facts(), {"/ip/pool": ()}), path) == ()
+    assert guard.objections(planned, Observation(facts(), {"/ip/pool": ()}), path) == ()
 
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_settings_of_any_number_of_rows_are_no_fault_of_the_guard(number: int) -> None:
     """Reading refuses two of them; the guard goes by the first."""
     settings = {"/routing/settings": ({"policy-rules": "user,main"},) * number}
-    there = Observed(facts("7.22"), {**rows(DEVICE), **settings})
+    there = Observation(facts("7.22"), {**rows(DEVICE), **settings})
     planned = plan("r", read("/routing rule\nadd action=drop comment=atlantis dst-address=10.64.101.0/24\n"), there)
     (objection,) = guard.objections(planned, there, ManagementPath("10.64.101.10", "10.64.101.1"))
     assert objection.startswith("answers to you at 10.64.101.10 go by 10.64.101.0/24 on ether8; then the routing rule")

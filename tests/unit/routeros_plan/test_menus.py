@@ -8,7 +8,7 @@ import pytest
 from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.emulator.routeros.menus import MODELLED
+from atlantis_netcfg.emulator.routeros.menus import MODELLED_MENUS
 from atlantis_netcfg.routeros._types import Layer
 from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape, canonical
 from atlantis_netcfg.routeros.observe import printing
@@ -100,7 +100,7 @@ def test_first_match_and_identified_menus_know_every_argument(path: str) -> None
 @for_each_row("path", MENUS)
 def test_what_the_emulated_router_says_of_its_own_agrees_with_the_schema(path: str) -> None:
     """It takes names and defaults from the schema; where it says more of an argument, its default is the same."""
-    twin = MODELLED[path].by_name
+    twin = MODELLED_MENUS[path].by_name
     compared = {
         each.name: (each.absent, each.form(twin[each.name].default))
         for each in MENUS[path].fields
@@ -124,7 +124,7 @@ def test_row_of_the_table_is_consistent(path: str) -> None:
     assert len(set(names)) == len(names)
     assert {*menu.keys, *menu.unique, *dict(menu.late)} <= set(names)
     assert not set(menu.flags) & set(names)
-    assert bool(menu.keys) == (menu.shape is not Shape.SINGLETON and not menu.ordered)
+    assert bool(menu.keys) == (menu.shape is not Shape.SINGLETON and not menu.is_ordered)
     assert menu.chain is None or menu.chain in names
     assert all(len(stock) == len(menu.keys) for stock in menu.stock)
     assert menu.layer is not Layer.CLEANUP or menu.shape is not Shape.LIST

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from atlantis_netcfg.emulator.routeros.console._parse import Each, Parse, Parser, Put, TextPart
 from atlantis_netcfg.emulator.routeros.device import Device
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.spec import RouterSpec, User
 from atlantis_netcfg.routeros._types import Action, Layer, Verb
 from atlantis_netcfg.routeros.api import Reply, Trap
@@ -92,7 +92,7 @@ NOTHING_PROVED = {
 def judged(*replies: Reply) -> Examination:
     examination = Examination()
     assert len(examination.questions([ONE, TWO], {})) == 1
-    examination.answered(replies)
+    examination.read_answers(replies)
     return examination
 
 
@@ -131,7 +131,7 @@ def test_a_refusal_repeats_no_secret() -> None:
     examination = Examination()
     (asked,) = examination.questions([secret], {})
     assert "hunter2" not in str(asked.words())
-    examination.answered(
+    examination.read_answers(
         [Reply(ret="0 (<%% bad command name user (line 1 column 2) user;add;password=hunter2)\n1 " + CONTROL[2:])]
     )
     (words,) = examination.objections([secret], "site.rsc")
@@ -162,10 +162,10 @@ def test_values_of_a_closed_list_are_looked_up() -> None:
     _, some = examination.questions([RULE], {})
     assert some.words()[0] == "/console/inspect"
     assert some.queries == ("?completion=acept",)
-    examination.answered([Reply(ret="1 " + CONTROL[2:]), Reply()])
+    examination.read_answers([Reply(ret="1 " + CONTROL[2:]), Reply()])
     (whole,) = examination.questions([RULE], {})
     assert whole.queries == ()
-    examination.answered([Reply(rows=({"completion": "accept"}, {"completion": "drop"}))])
+    examination.read_answers([Reply(rows=({"completion": "accept"}, {"completion": "drop"}))])
     assert examination.questions([RULE], {}) == ()
     (words,) = examination.objections([RULE], "site.rsc")
     assert words.endswith("`action` is one of accept, drop, not acept")
@@ -179,9 +179,9 @@ LONG = tuple({"completion": f"word{number}"} for number in range(31))
 def test_a_list_that_may_lack_words_refuses_nothing_and_is_said(whole: Reply) -> None:
     examination = Examination()
     examination.questions([RULE], {})
-    examination.answered([Reply(ret="1 " + CONTROL[2:]), Reply()])
+    examination.read_answers([Reply(ret="1 " + CONTROL[2:]), Reply()])
     examination.questions([RULE], {})
-    examination.answered([whole])
+    examination.read_answers([whole])
     assert examination.questions([RULE], {}) == ()
     assert list(examination.objections([RULE], "site.rsc")) == []
     assert "it does not tell which words `action` of /ip firewall filter takes" in examination.doubt([RULE])
@@ -195,4 +195,4 @@ def test_a_value_that_the_menu_has_already_is_not_looked_up() -> None:
 @pytest.mark.parametrize(("menu", "name"), sorted(ENUMERATIONS))
 def test_closed_lists_are_arguments_that_the_console_offers_words_for(menu: str, name: str) -> None:
     assert name in MENUS[menu].by_name
-    assert 1 < len(offered(menu, name)) <= 30
+    assert 1 < len(offered_values(menu, name)) <= 30

@@ -9,7 +9,7 @@ from plan_world import facts
 from atlantis_netcfg.links.lte import Registration
 from atlantis_netcfg.links.lte.routeros import read as read_unit
 from atlantis_netcfg.routeros import desired
-from atlantis_netcfg.routeros._types import Observed
+from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.pin import PinSim, pending, sim_of
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 
@@ -24,14 +24,14 @@ def ident(case: dict[str, Any]) -> str:
     return str(case["name"])
 
 
-def world(case: dict[str, Any]) -> Observed:
+def world(case: dict[str, Any]) -> Observation:
     row = {".id": "*9", "default-name": "lte1", "name": "lte1", "comment": "x", "pin": case["held"]}
-    return Observed(facts(), {"/interface/lte": (row,)}, modem=case["monitor"])
+    return Observation(facts(), {"/interface/lte": (row,)}, modem=case["monitor"])
 
 
 @pytest.mark.parametrize("case", CASES, ids=ident)
 def test_sent_only_where_it_is_asked_for(case: dict[str, Any]) -> None:
-    wanted = replace(desired.read(TEXT), spent=case.get("spent", ""))
+    wanted = replace(desired.read(TEXT), pin_refusal=case.get("spent", ""))
     if "refused" in case:
         with pytest.raises(CannotPlan) as caught:
             plan("box", wanted, world(case))
@@ -40,7 +40,7 @@ def test_sent_only_where_it_is_asked_for(case: dict[str, Any]) -> None:
     found = plan("box", wanted, world(case))
     assert [dict(action.values) for action in found.actions] == ([{"pin": "73951846"}] if case["sent"] else [])
     assert list(found.notes) == ([case["note"]] if "note" in case else [])
-    assert "73951846" not in found.diff + repr([action.shown() for action in found.actions])
+    assert "73951846" not in found.diff + repr([action.get_masked_values() for action in found.actions])
 
 
 @pytest.mark.parametrize("case", CASES, ids=ident)
@@ -69,5 +69,5 @@ def test_what_is_waited_for(monitor: dict[str, str], held: str, waits: bool) -> 
 def test_the_engine_and_the_reader_of_bearers_mean_the_same(case: dict[str, Any]) -> None:
     unit, sim = read_unit(case["monitor"]), sim_of(case["monitor"])
     assert (unit.state is Registration.SIM_PUK_REQUIRED) == (sim is PinSim.PUK)
-    assert (unit.state is Registration.SIM_PIN_REQUIRED) == (sim in {PinSim.ASKS, PinSim.REFUSED})
-    assert bool(unit.pin_refused) == (sim is PinSim.REFUSED)
+    assert (unit.state is Registration.SIM_PIN_REQUIRED) == (sim in {PinSim.ASKS, PinSim.WRONG_PIN})
+    assert bool(unit.pin_refused) == (sim is PinSim.WRONG_PIN)

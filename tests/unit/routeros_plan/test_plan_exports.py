@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from plan_world import facts, lines
 
-from atlantis_netcfg.routeros._types import Observed, Row
+from atlantis_netcfg.routeros._types import Observation, Row
 from atlantis_netcfg.routeros.desired import from_export
 from atlantis_netcfg.routeros.menus import MENUS, Menu
 from atlantis_netcfg.routeros.planner import plan
@@ -91,7 +91,7 @@ def test_a_device_that_is_as_its_export_says_needs_nothing(name: str) -> None:
     text = texts()[name]
     menus = [menu for menu in parse(text).menus if menu in MENUS]
     desired = from_export(text, menus, name)
-    planned = plan("router", desired, Observed(facts(version_of(text)), as_it_says(text)))
+    planned = plan("router", desired, Observation(facts(version_of(text)), as_it_says(text)))
     assert lines(planned) == []
     assert menus
 
@@ -119,5 +119,5 @@ def test_the_default_profile_is_put_back_and_not_reset() -> None:
     changed = {**rows["/interface/wireless/security-profiles"][0], "mode": "none"}
     rows["/interface/wireless/security-profiles"] = (changed, *rows["/interface/wireless/security-profiles"][1:])
     desired = from_export(ODD, ["/interface/wireless/security-profiles"], "before.rsc")
-    planned = plan("router", desired, Observed(facts("6.48.3"), rows))
+    planned = plan("router", desired, Observation(facts("6.48.3"), rows))
     assert lines(planned) == ["/interface/wireless/security-profiles/set *1 mode=dynamic-keys"]

@@ -6,15 +6,15 @@ import yaml
 from plan_world import lines, observed
 from row_subtests import for_each_row
 
-from atlantis_netcfg.routeros._types import Layer, Observed, Plan, RowOwner, Verb
+from atlantis_netcfg.routeros._types import Layer, Observation, Plan, RowOwner, Verb
 from atlantis_netcfg.routeros.desired import from_export, read
 from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
 
 CASES = yaml.safe_load((Path(__file__).parent / "planner_cases.yml").read_text(encoding="utf-8"))
 
 
-def converges(desired_text: str, device: Observed, planned: Plan) -> bool:
-    return plan("r", read(desired_text), Observed(device.facts, simulate(device.rows, planned))).actions == ()
+def converges(desired_text: str, device: Observation, planned: Plan) -> bool:
+    return plan("r", read(desired_text), Observation(device.facts, simulate(device.rows, planned))).actions == ()
 
 
 @for_each_row("case", CASES, ids=lambda case: case["name"])
@@ -45,7 +45,7 @@ def test_all_reasons_come_together() -> None:
 
 def test_a_menu_that_was_not_read_cannot_be_planned() -> None:
     with pytest.raises(KeyError):
-        plan("r", read("/ip pool\nadd name=a ranges=10.0.0.1"), Observed(observed("").facts, {}))
+        plan("r", read("/ip pool\nadd name=a ranges=10.0.0.1"), Observation(observed("").facts, {}))
 
 
 def test_actions_tell_what_they_are_about() -> None:
@@ -53,7 +53,7 @@ def test_actions_tell_what_they_are_about() -> None:
     vpn, pool = plan("r", read(text), observed("")).actions
     assert (pool.verb, pool.layer, pool.subject, pool.inert) == (Verb.ADD, Layer.FOUNDATION, "p", True)
     assert (vpn.layer, vpn.secrets, vpn.inert) == (Layer.FOUNDATION, frozenset({"password"}), False)
-    assert ("password", "********") in vpn.shown()
+    assert ("password", "********") in vpn.get_masked_values()
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_going_back_restores_what_an_export_leaves_out_and_keeps_what_it_hides()
             "/ip/firewall/filter/remove *1",
         ]
     )
-    assert plan("r", desired, Observed(device.facts, simulate(device.rows, planned))).actions == ()
+    assert plan("r", desired, Observation(device.facts, simulate(device.rows, planned))).actions == ()
 
 
 def test_going_back_says_which_secrets_must_be_entered() -> None:

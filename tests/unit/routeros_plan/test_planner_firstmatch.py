@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plan_world import facts
 
-from atlantis_netcfg.routeros._types import Action, Observed, Plan, Row, Verb
-from atlantis_netcfg.routeros.desired import Desired, RowItem
+from atlantis_netcfg.routeros._types import Action, Observation, Plan, Row, Verb
+from atlantis_netcfg.routeros.desired import DesiredState, RowItem
 from atlantis_netcfg.routeros.planner import _firstmatch, after, plan, simulate
 
 FILTER = "/ip/firewall/filter"
@@ -44,15 +44,15 @@ plain = rule_lists(TERMINAL, ("input",))
 mixed = rule_lists(TERMINAL, ("input", "forward"))
 
 
-def device(old: list[Rule]) -> Observed:
+def device(old: list[Rule]) -> Observation:
     dummy: Rule = {".id": "*0", "chain": "input", "action": "passthrough", "dynamic": "true"}
     rows = ({".id": f"*{number}", "dynamic": "false", **rule} for number, rule in enumerate(old, start=1))
-    return Observed(facts(), {FILTER: (dummy, *rows)})
+    return Observation(facts(), {FILTER: (dummy, *rows)})
 
 
-def wanted(new: list[Rule], *, entire: bool = True) -> Desired:
+def wanted(new: list[Rule], *, entire: bool = True) -> DesiredState:
     items = tuple(RowItem(FILTER, dict(rule), line) for line, rule in enumerate(new, start=1))
-    return Desired("x.rsc", {FILTER: items}, frozenset({FILTER} if entire else ()))
+    return DesiredState("x.rsc", {FILTER: items}, frozenset({FILTER} if entire else ()))
 
 
 def single_steps(planned: Plan) -> Iterator[Action]:
@@ -64,7 +64,7 @@ def single_steps(planned: Plan) -> Iterator[Action]:
             yield action
 
 
-def moments(observed: Observed, planned: Plan) -> Iterator[Rows]:
+def moments(observed: Observation, planned: Plan) -> Iterator[Rows]:
     rows = dict(observed.rows)
     yield rows[FILTER]
     for action in single_steps(planned):
@@ -220,7 +220,7 @@ def test_rows_of_others_stay_in_their_places(old: list[Rule], new: list[Rule]) -
     assert all(
         foreign.index(one) < foreign.index(two) for one, two in pairwise(each for each in left if each not in moved)
     )
-    again = plan("r", wanted(new, entire=False), Observed(observed.facts, simulate(observed.rows, planned)))
+    again = plan("r", wanted(new, entire=False), Observation(observed.facts, simulate(observed.rows, planned)))
     assert again.actions == ()
 
 

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 from plan_world import facts
 
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import Layer, Observed, Plan, Row, Verb
+from atlantis_netcfg.routeros._types import Layer, Observation, Plan, Row, Verb
 from atlantis_netcfg.routeros.commands import console, sentence
-from atlantis_netcfg.routeros.desired import Desired, RowItem
+from atlantis_netcfg.routeros.desired import DesiredState, RowItem
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape
 from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
 
@@ -54,7 +54,7 @@ def rows_of(draw: st.DrawFn, menu: Menu) -> dict[str, str]:
 
 def is_new(menu: Menu, row: Row, rows: list[dict[str, str]]) -> bool:
     """Could the device hold this row beside the others."""
-    if menu.ordered:
+    if menu.is_ordered:
         return True
     once = [menu.keys, *((name,) for name in menu.unique)]
     return not any(clash(menu, names, row, other) for names in once for other in rows)
@@ -74,14 +74,14 @@ def lists_of(draw: st.DrawFn, menu: Menu) -> list[dict[str, str]]:
     return rows
 
 
-def device(menu: Menu, rows: list[dict[str, str]]) -> Observed:
+def device(menu: Menu, rows: list[dict[str, str]]) -> Observation:
     found = tuple({".id": f"*{number}", **row} for number, row in enumerate(rows, start=1))
-    return Observed(facts(str(VERSION)), {menu.path: found})
+    return Observation(facts(str(VERSION)), {menu.path: found})
 
 
-def declared(menu: Menu, rows: list[dict[str, str]], *, entire: bool, restores: bool = False) -> Desired:
+def declared(menu: Menu, rows: list[dict[str, str]], *, entire: bool, restores: bool = False) -> DesiredState:
     items = tuple(RowItem(menu.path, dict(row), line) for line, row in enumerate(rows, start=1))
-    return Desired("x.rsc", {menu.path: items}, frozenset({menu.path} if entire else ()), restores=restores)
+    return DesiredState("x.rsc", {menu.path: items}, frozenset({menu.path} if entire else ()), restores=restores)
 
 
 LISTS = [menu for menu in MENUS.values() if menu.shape is Shape.LIST and not menu.readonly]
@@ -96,14 +96,14 @@ def test_a_plan_leads_to_what_is_declared(menu: Menu, data: st.DataObject, *, en
         planned = plan("r", desired, observed)
     except CannotPlan:
         reject()
-    later = Observed(observed.facts, simulate(observed.rows, planned))
+    later = Observation(observed.facts, simulate(observed.rows, planned))
     assert plan("r", desired, later).actions == ()
     check_foreign_rows(menu, desired, observed, planned)
     check_values_that_exist_once(menu, observed, planned)
     check_order(planned)
 
 
-def check_foreign_rows(menu: Menu, desired: Desired, observed: Observed, planned: Plan) -> None:
+def check_foreign_rows(menu: Menu, desired: DesiredState, observed: Observation, planned: Plan) -> None:
     removed = {each for action in planned.actions if action.verb is Verb.REMOVE for each in action.ids}
     gone = [row for row in observed.rows[menu.path] if row[".id"] in removed]
     replaced = {item.identity for item in desired.items[menu.path]} if menu.unique else set()
@@ -112,7 +112,7 @@ def check_foreign_rows(menu: Menu, desired: Desired, observed: Observed, planned
     assert not any(menu.is_stock(row) for row in gone)
 
 
-def check_values_that_exist_once(menu: Menu, observed: Observed, planned: Plan) -> None:
+def check_values_that_exist_once(menu: Menu, observed: Observation, planned: Plan) -> None:
     rows = dict(observed.rows)
     for action in planned.actions:
         rows = after(rows, (action,))
@@ -138,11 +138,11 @@ SETTINGS = [menu for menu in MENUS.values() if menu.shape is Shape.SINGLETON]
 @given(data=st.data(), restores=st.booleans())
 def test_settings_become_what_is_declared(menu: Menu, data: st.DataObject, *, restores: bool) -> None:
     row, wanted = data.draw(rows_of(menu)), data.draw(rows_of(menu))
-    observed = Observed(facts(str(VERSION)), {menu.path: (row,)})
+    observed = Observation(facts(str(VERSION)), {menu.path: (row,)})
     desired = declared(menu, [wanted], entire=restores, restores=restores)
     planned = plan("r", desired, observed)
     (final,) = simulate(observed.rows, planned)[menu.path]
     assert {name: menu.form(name, final) for name in wanted} == {name: menu.form(name, wanted) for name in wanted}
     untouched = set(row) - set(wanted)
     assert restores or all(final[name] == row[name] for name in untouched)
-    assert plan("r", desired, Observed(observed.facts, {menu.path: (final,)})).actions == ()
+    assert plan("r", desired, Observation(observed.facts, {menu.path: (final,)})).actions == ()

@@ -7,14 +7,14 @@ from plan_world import observed
 
 from atlantis_netcfg.operations.restore import for_replacement
 from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros.desired import Desired, read
+from atlantis_netcfg.routeros.desired import DesiredState, read
 from atlantis_netcfg.routeros.menus import MENUS
 from atlantis_netcfg.routeros.planner import plan
 
 GOLDEN = Path(__file__).parent / "golden"
 
 
-def every_menu_of(text: str) -> Desired:
+def every_menu_of(text: str) -> DesiredState:
     """Nothing is declared, in the menus of the text."""
     paths = [path for path in MENUS if f"{MENUS[path].title}\n" in text and not MENUS[path].readonly]
     return read("".join(f"{MENUS[path].title}\n" for path in paths))

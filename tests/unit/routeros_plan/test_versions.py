@@ -8,8 +8,8 @@ from plan_world import facts, lines, observed, rows
 from row_subtests import for_each_row
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.routeros._items import Desired, RowItem
-from atlantis_netcfg.routeros._types import Observed
+from atlantis_netcfg.routeros._items import DesiredState, RowItem
+from atlantis_netcfg.routeros._types import Observation
 from atlantis_netcfg.routeros.desired import read
 from atlantis_netcfg.routeros.first_contact import run
 from atlantis_netcfg.routeros.menus import MENUS, Shape
@@ -20,7 +20,7 @@ SOURCES = Path(__file__).parents[3] / "atlantis_netcfg"
 RULES = """/routing rule
 add action=lookup comment="atlantis: connected" min-prefix=0 table=main
 """
-FIELDS = [(menu.path, field.name) for menu in MENUS.values() for field in menu.fields if field.since or field.gone]
+FIELDS = [(menu.path, field.name) for menu in MENUS.values() for field in menu.fields if field.since or field.until]
 
 
 def before(version: Version) -> str:
@@ -32,9 +32,9 @@ def refusal(path: str, version: str, *names: str) -> CannotPlan:
     menu = MENUS[path]
     values: dict[str, str | None] = dict.fromkeys(menu.keys, "x")
     item = RowItem(path, {**values, **dict.fromkeys(names, "1")}, exists=menu.shape is not Shape.LIST, line=1)
-    desired = Desired("the text", {path: (item,)}, frozenset())
+    desired = DesiredState("the text", {path: (item,)}, frozenset())
     with pytest.raises(CannotPlan) as refused:
-        plan("router", desired, Observed(facts(version), rows("")))
+        plan("router", desired, Observation(facts(version), rows("")))
     return refused.value
 
 
@@ -52,8 +52,8 @@ def test_a_menu_that_a_version_lacks_is_refused_with_a_hint(path: str) -> None:
 def test_an_argument_that_a_version_lacks_is_refused_with_a_hint(path: str, name: str) -> None:
     field = MENUS[path].by_name[name]
     if field.since is None:
-        assert field.gone is not None
-        refused = refusal(path, str(field.gone), name)
+        assert field.until is not None
+        refused = refusal(path, str(field.until), name)
         assert refused.hint == "take from the text what RouterOS has no more, in the lines that are named"
         return
     refused = refusal(path, before(field.since), name)

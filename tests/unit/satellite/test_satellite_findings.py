@@ -13,7 +13,7 @@ from atlantis_netcfg.links.satellite import (
     WINDOW_S,
     Attempt,
     Backup,
-    Expected,
+    ExpectedOutcome,
     NamedTarget,
     ProbeOutcome,
     SatelliteEvidence,
@@ -105,9 +105,15 @@ def test_a_terminal_that_is_declared_at_the_factory_address_is_where_it_should_b
 
 
 ALLOWED = Attempt(
-    "VPN server", "203.0.113.2 udp 1194", Expected.REACHED, SatelliteProbe.ICMP, ProbeOutcome.ANSWERED, 71.4, WINDOW_S
+    "VPN server",
+    "203.0.113.2 udp 1194",
+    ExpectedOutcome.REACHED,
+    SatelliteProbe.ICMP,
+    ProbeOutcome.ANSWERED,
+    71.4,
+    WINDOW_S,
 )
-FORBIDDEN = replace(ALLOWED, expected=Expected.REFUSED, outcome=ProbeOutcome.SILENT, after_s=None)
+FORBIDDEN = replace(ALLOWED, expected_outcome=ExpectedOutcome.REFUSED, outcome=ProbeOutcome.SILENT, after_s=None)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from atlantis_netcfg.core.errors import NothingMatched
+from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.inventory import report, validate
 from atlantis_netcfg.inventory._schema import FALLBACK
 
@@ -56,7 +56,7 @@ def mutate(data: Any, rng: random.Random) -> None:  # noqa: ANN401 - as above
 def check(inventory: Path) -> int:
     try:
         findings = validate(inventory)
-    except NothingMatched:
+    except NoMatchError:
         return 1
     for finding in findings:
         lines = Path(finding.file).read_text(encoding="utf-8", errors="replace").split("\n")

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import atlantis_netcfg.inventory
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Declaration, InventoryInvalid, choose, load, report, rules, validate
 from atlantis_netcfg.inventory.model import Cpe, Router
@@ -182,25 +182,25 @@ class TestVault:
 
 class TestNothing:
     def test_no_directory(self, inventory: Path) -> None:
-        with pytest.raises(NothingMatched, match="the inventory directory inventroy does not exist") as caught:
+        with pytest.raises(NoMatchError, match="the inventory directory inventroy does not exist") as caught:
             validate(inventory.with_name("inventroy"))
         assert caught.value.hint == "inventories here: inventory"
         assert caught.value.exit is ExitCode.NOTHING
 
     def test_a_file(self, inventory: Path) -> None:
-        with pytest.raises(NothingMatched, match=r"hosts.yml is a file") as caught:
+        with pytest.raises(NoMatchError, match=r"hosts.yml is a file") as caught:
             validate(inventory / "hosts.yml")
         assert caught.value.hint == "an inventory is a directory with hosts.yml in it"
 
     def test_empty_directory(self, tmp_path: Path) -> None:
-        with pytest.raises(NothingMatched, match=r"there is no hosts\.yml") as caught:
+        with pytest.raises(NoMatchError, match=r"there is no hosts\.yml") as caught:
             load(tmp_path)
         assert caught.value.hint == "it is empty"
 
     @pytest.mark.parametrize("text", ["", "---\n", "all:\n", "all: {children: {sites: {children: {}}}}\n"])
     def test_no_site(self, inventory: Path, text: str) -> None:
         (inventory / "hosts.yml").write_text(text, encoding="utf-8")
-        with pytest.raises(NothingMatched, match="declares no site"):
+        with pytest.raises(NoMatchError, match="declares no site"):
             validate(inventory)
 
 
@@ -247,7 +247,7 @@ class TestChoose:
         ],
     )
     def test_nothing_matched(self, site: str, only: tuple[str, ...], message: str, hint: str) -> None:
-        with pytest.raises(NothingMatched) as caught:
+        with pytest.raises(NoMatchError) as caught:
             choose(load(SHIPPED), site, only)
         assert (str(caught.value), caught.value.hint) == (message, hint)
 
@@ -263,7 +263,7 @@ def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A name that no file system takes stands for a folder of another account, which `root` would read."""
-    with pytest.raises(NothingMatched, match="cannot be read: File name too long"):
+    with pytest.raises(NoMatchError, match="cannot be read: File name too long"):
         load(tmp_path / ("x" * 300))
     (tmp_path / "closed").mkdir()
 
@@ -271,7 +271,7 @@ def test_a_folder_that_may_not_be_looked_at_is_no_fault_of_ours(
         raise PermissionError
 
     monkeypatch.setattr(Path, "is_file", refuse)
-    with pytest.raises(NothingMatched, match="does not exist"):
+    with pytest.raises(NoMatchError, match="does not exist"):
         load(tmp_path / "nowhere")
 
 
@@ -282,7 +282,7 @@ def test_a_folder_whose_files_may_not_be_looked_at_is_no_fault_of_ours(
         raise PermissionError(errno.EACCES, "Permission denied")
 
     monkeypatch.setattr(Path, "exists", refuse)
-    with pytest.raises(NothingMatched, match="cannot be read: Permission denied"):
+    with pytest.raises(NoMatchError, match="cannot be read: Permission denied"):
         load(inventory)
 
 

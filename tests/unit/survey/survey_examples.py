@@ -29,7 +29,7 @@ class Told:
     def read(self) -> RadioSample:
         self.reads += 1
         truth = self.truth
-        if truth is None or not truth.served:
+        if truth is None or not truth.has_service:
             return RadioSample(registration="searching")
         return RadioSample(
             "registered_home",

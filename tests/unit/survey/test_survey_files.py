@@ -10,7 +10,7 @@ import pytest
 from survey_examples import header, point, survey
 
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
-from atlantis_netcfg.core.errors import ExitCode, NothingMatched, UsageError
+from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.records.survey.archive import export, kept_survey, outcome
 from atlantis_netcfg.records.survey.exports import COLUMNS, csv_table, geojson, named_coast, read_coast
 from atlantis_netcfg.records.survey.page import KINDS, SCALES, SHAPES, BandScale, MapFrame, html, layers
@@ -195,7 +195,7 @@ def test_exports_are_made_again_from_the_file(tmp_path: Path) -> None:
     there = {path.name for path in (tmp_path / "to" / "here").iterdir()}
     assert there == {"survey.html", "survey.geojson", "survey.csv", "survey.jsonl"}
     assert (kept / "survey.html").read_bytes() == html(example())
-    with pytest.raises(NothingMatched, match="no survey") as refused:
+    with pytest.raises(NoMatchError, match="no survey") as refused:
         kept_survey(tmp_path, "20261120T101501Z")
     assert kept.name in str(refused.value.hint)
 

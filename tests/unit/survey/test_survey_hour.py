@@ -8,13 +8,13 @@ from survey_examples import RATE, Sailing, Told, sailing
 from atlantis_netcfg.checklist.probes.gps.judge import distance_m
 from atlantis_netcfg.emulator.coverage import PlaceTruth
 from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE, CHUNK_HEADER_SIZE, HMAC_TLV_SIZE
-from atlantis_netcfg.links.qualify.samples import MessageEnded
+from atlantis_netcfg.links.qualify.samples import MessageResult
 from atlantis_netcfg.links.qualify.session import EndReason
 from atlantis_netcfg.records.survey.measure import (
     ANOTHER_LINK,
     BUDGET,
     NO_ANSWER,
-    STOPPED,
+    STOP_REASON,
     HourlyBudgetError,
     SurveyPlan,
 )
@@ -47,11 +47,11 @@ def test_positions_are_within_ten_metres(hour: Sailing) -> None:
 
 
 def test_levels_agree_at_99_of_100_points(hour: Sailing) -> None:
-    assert sum(not truth_of(hour, point).served for point in hour.points) > 5, "the coverage is partial"
+    assert sum(not truth_of(hour, point).has_service for point in hour.points) > 5, "the coverage is partial"
     good = 0
     for point in hour.points:
         truth = truth_of(hour, point)
-        if truth.served:
+        if truth.has_service:
             told = (point.cell, point.rsrp_dbm, point.rsrq_db, point.sinr_db, point.technology)
             good += told == (str(truth.cell_id), truth.rsrp_dbm, truth.rsrq_db, truth.sinr_db, "lte")
         else:
@@ -61,7 +61,7 @@ def test_levels_agree_at_99_of_100_points(hour: Sailing) -> None:
 
 def agrees(point: SurveyPoint, truth: PlaceTruth) -> bool:
     """Whether a test is what the link was at a place."""
-    if not truth.served:
+    if not truth.has_service:
         return (point.no_test, point.lost, point.goodput_up_bps) == (NO_ANSWER, 5, None)
     if point.rtt_median_s is None or point.goodput_up_bps is None:
         return False
@@ -76,7 +76,7 @@ def agrees(point: SurveyPoint, truth: PlaceTruth) -> bool:
 def test_round_trip_and_goodput_agree_at_99_of_100_tests(hour: Sailing) -> None:
     """A test lasts some seconds, in which the vessel sails some metres: it agrees with the begin or the end of them."""
     tests = [point for point in hour.points if point.sent]
-    silent = [point for point in tests if not truth_of(hour, point).served]
+    silent = [point for point in tests if not truth_of(hour, point).has_service]
     ends = [
         (truth_of(hour, point), hour.voyage.coverage.at(*hour.voyage.track.at(point.at_s + 3.0))) for point in tests
     ]
@@ -155,7 +155,7 @@ def test_ctrl_c_in_a_test_keeps_the_point(monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(type(made.voyage.link), "receive", interrupted)
     assert made.survey.run() == EndReason.STOPPED
     assert [(point.no_test, point.rsrp_dbm is not None, point.test_bytes > 0) for point in made.points] == [
-        (STOPPED, True, True)
+        (STOP_REASON, True, True)
     ]
 
 
@@ -175,6 +175,6 @@ def test_ctrl_c_between_points_keeps_them(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_lossy_link_has_no_goodput_but_where_the_receiver_says_so(hour: Sailing) -> None:
     """What is told as goodput is what the receiver had: raw samples say the same."""
-    whole = {s.stream for s in hour.samples if isinstance(s, MessageEnded) and s.acknowledged_at_ns is not None}
+    whole = {s.stream for s in hour.samples if isinstance(s, MessageResult) and s.acknowledged_at_ns is not None}
     told = {f"point-{point.number}-load" for point in hour.points if point.goodput_up_bps is not None}
     assert told == whole

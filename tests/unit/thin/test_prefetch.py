@@ -166,7 +166,7 @@ class Task(zipapp_action.ZipappAction):
         self._task = SimpleNamespace(no_log=True, check_mode=False)
         self.calls = 0
 
-    def _called(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+    def _run_tool(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         self.calls += 1
         return {"stdout": f'{MARK}{{"changed": true, "changes": ["clock set"]}}\n', "stderr": "", "rc": 0}
 

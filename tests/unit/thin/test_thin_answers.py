@@ -62,14 +62,14 @@ def test_a_module_is_an_ordinary_module_as_well(capsys: pytest.CaptureFixture[st
 
 
 def test_parameters_are_complete_and_of_their_types() -> None:
-    parameters, secrets, wrong = zipapp_action.checked(
+    parameters, secrets, wrong = zipapp_action.validate_arguments(
         "configure", {"files": [{"path": "/a", "content": 1}], "units": [{"name": "b"}]}
     )
     assert (wrong, secrets) == (None, set())
     (file,), (unit,) = parameters["files"], parameters["units"]
     assert (file["content"], file["mode"], file["validate"], file["secret_content"]) == ("1", "0644", [], None)
     assert (unit["enabled"], unit["wait"], parameters["absent"], parameters["way_in"]) == (None, True, [], None)
-    assert zipapp_action.checked("clock", {"now": "12.5"})[0] == {"now": 12.5, "tolerance_s": 300}
+    assert zipapp_action.validate_arguments("clock", {"now": "12.5"})[0] == {"now": 12.5, "tolerance_s": 300}
 
 
 @pytest.mark.parametrize(
@@ -84,30 +84,32 @@ def test_parameters_are_complete_and_of_their_types() -> None:
     ],
 )
 def test_what_is_wrong_is_told_before_anything_is_sent(name: str, arguments: dict[str, Any], words: str) -> None:
-    wrong = zipapp_action.checked(name, arguments)[2]
+    wrong = zipapp_action.validate_arguments(name, arguments)[2]
     assert wrong is not None
     assert re.search(words, wrong), wrong
 
 
 def test_rules_between_parameters_hold_too() -> None:
     told = {"by": "netplan", "interface": "e", "address": "a", "gateway": "g", "path": "/p", "content": "c"}
-    assert zipapp_action.checked("network", {**told, "action": "stage"})[2] is None
+    assert zipapp_action.validate_arguments("network", {**told, "action": "stage"})[2] is None
     assert "action is look but all of the following are missing: name" in str(
-        zipapp_action.checked("network", {**told, "action": "look"})[2]
+        zipapp_action.validate_arguments("network", {**told, "action": "look"})[2]
     )
 
 
 def test_a_secret_is_shown_nowhere() -> None:
-    _, secrets, _ = zipapp_action.checked("build", BUILD)
+    _, secrets, _ = zipapp_action.validate_arguments("build", BUILD)
     assert secrets == {TOKEN}
-    shown = zipapp_action.masked(
+    shown = zipapp_action.mask_secrets(
         {"msg": f"git said {TOKEN}", "notes": [TOKEN], "changed": True, "deep": {"a": [f"x{TOKEN}"]}}, secrets
     )
     assert TOKEN not in repr(shown)
     assert shown["changed"] is True
-    _, secrets, wrong = zipapp_action.checked("build", {**BUILD, "jobs": TOKEN})
-    assert TOKEN not in zipapp_action.masked({"msg": str(wrong)}, secrets)["msg"]
-    cut = zipapp_action.masked(zipapp_action.answer(said("", f"Traceback\nValueError: {TOKEN}\n", 1), "build"), secrets)
+    _, secrets, wrong = zipapp_action.validate_arguments("build", {**BUILD, "jobs": TOKEN})
+    assert TOKEN not in zipapp_action.mask_secrets({"msg": str(wrong)}, secrets)["msg"]
+    cut = zipapp_action.mask_secrets(
+        zipapp_action.answer(said("", f"Traceback\nValueError: {TOKEN}\n", 1), "build"), secrets
+    )
     assert TOKEN not in repr(cut)
     assert cut["failed"] is True
 
@@ -154,7 +156,7 @@ class Asks(zipapp_action.ZipappAction):
         self.says = says
         self._task = SimpleNamespace(no_log=True, check_mode=False)
 
-    def _called(self, name: str, asked: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
+    def _run_tool(self, name: str, asked: bytes, variables: dict[str, Any]) -> dict[str, Any]:  # noqa: ARG002
         if isinstance(self.says, Exception):
             raise self.says
         return self.says

@@ -29,9 +29,9 @@ def asked(name: str, params: dict[str, Any], *, check: bool = True) -> bytes:
 
 def sent(folder: Path, made: tool.Tool, packed: bytes | None = None) -> subprocess.CompletedProcess[bytes]:
     """What a gateway does with a tool that it did not have, and with a module behind it."""
-    packed = made.packed if packed is None else packed
+    packed = made.payload if packed is None else packed
     return subprocess.run(
-        [sys.executable, "-I", tool.INSTALL, folder, made.sha256, str(len(made.packed)), basic.MARK, "env_conflicts"],
+        [sys.executable, "-I", tool.INSTALL, folder, made.sha256, str(len(made.payload)), basic.MARK, "env_conflicts"],
         input=packed + asked("env_conflicts", ELSEWHERE),
         capture_output=True,
         check=False,
@@ -54,8 +54,8 @@ def test_every_module_has_its_action_and_every_thin_action_its_module() -> None:
 
 def test_the_same_files_are_the_same_bytes_and_go_over_a_dear_link(tmp_path: Path) -> None:
     one, other = tool.build(), tool.build()
-    assert (one.content, one.packed) == (other.content, other.packed)
-    assert len(one.packed) <= _TOOL
+    assert (one.content, one.payload) == (other.content, other.payload)
+    assert len(one.payload) <= _TOOL
     copied = tmp_path / "plugins"
     for name in ("modules", "module_utils"):
         (copied / name).mkdir(parents=True)
@@ -139,7 +139,7 @@ def test_a_tool_is_put_in_its_place_runs_and_older_ones_go(tmp_path: Path) -> No
 @pytest.mark.parametrize("damage", ["short", "other"])
 def test_what_does_not_arrive_whole_is_not_put_anywhere(tmp_path: Path, damage: str) -> None:
     made = tool.build()
-    packed = made.packed[:1000] if damage == "short" else bytes(len(made.packed))
+    packed = made.payload[:1000] if damage == "short" else bytes(len(made.payload))
     done = sent(tmp_path / "tool", made, packed)
     assert told(done)["msg"] == "the toolkit's program did not arrive whole"
     assert done.returncode == 1

@@ -238,9 +238,9 @@ def test_another_session_is_ended_by_the_command_of_its_version(version: str, co
     assert device.run(caller, [f"/user/active/{command}", named, "=zz=1"])[0].words == (
         "=message=unknown parameter zz",
     )
-    assert device.ended == frozenset()
+    assert device.closed_sessions == frozenset()
     assert device.run(caller, [f"/user/active/{command}", named])[-1].kind == "!done"
-    assert device.ended == {victim.number}
+    assert device.closed_sessions == {victim.number}
 
 
 def test_device_mode_of_before_7_17_has_its_old_name_and_fewer_features() -> None:

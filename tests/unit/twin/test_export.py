@@ -6,7 +6,7 @@ import pytest
 from twin_bench import make
 
 from atlantis_netcfg.emulator.routeros import ManagementSpec
-from atlantis_netcfg.emulator.routeros.boot import SeedRefused
+from atlantis_netcfg.emulator.routeros.boot import SeedError
 from atlantis_netcfg.emulator.routeros.spec import Radio
 from atlantis_netcfg.routeros.rsc import parse, print_export
 
@@ -106,7 +106,7 @@ def test_what_our_templates_render_goes_in_and_comes_back(site: Path, version: s
     declared = site.read_text(encoding="utf-8")
     if version == "7.16" and NEWER in declared:
         column = next(line for line in declared.splitlines() if NEWER in line).index(NEWER) + 2
-        with pytest.raises(SeedRefused, match=rf"expected end of command \(line \d+ column {column}\)"):
+        with pytest.raises(SeedError, match=rf"expected end of command \(line \d+ column {column}\)"):
             make(version=version, **BOARD, seed=declared)
         declared = declared.replace(NEWER, "")
     second = make(version=version, **BOARD, seed=declared)

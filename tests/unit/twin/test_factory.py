@@ -57,8 +57,8 @@ def test_the_laptop_reaches_it_on_the_bridge_only(box: Device) -> None:
 def test_the_laptop_loses_it_with_its_bridge_port(box: Device) -> None:
     port = box.run(admin(box), ["/interface/bridge/port/print", "?interface=ether2"])[0].words[0].removeprefix("=.id=")
     assert said(box, "/interface/bridge/port/remove", f"=.id={port}") == ["!done"]
-    assert not box.path_open(LAPTOP.technician, LAPTOP.local, "ssh", established=True, plug="ether2")
-    assert box.path_open(LAPTOP.technician, LAPTOP.local, "ssh", established=True, plug="ether3")
+    assert not box.path_open(LAPTOP.technician, LAPTOP.local, "ssh", is_established=True, plug="ether2")
+    assert box.path_open(LAPTOP.technician, LAPTOP.local, "ssh", is_established=True, plug="ether3")
 
 
 def test_a_template_becomes_a_certificate_when_it_is_signed(box: Device) -> None:

@@ -109,7 +109,7 @@ def test_services_as_the_wire_sees_them() -> None:
     assert services["api-ssl"].port == 18729
     assert services["api-ssl"].certificate == "atlantis-api"
     assert services["api-ssl"].tls_version == "only-1.2"
-    assert not services["api"].enabled
+    assert not services["api"].is_enabled
     assert services["api"].certificate is None
     assert router.reaches("api-ssl")
     assert not router.reaches("api")

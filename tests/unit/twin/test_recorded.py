@@ -32,9 +32,9 @@ def chr_(version: str) -> Bench:
 def printed(router: Bench, case: dict[str, Any]) -> str:
     text: str = case["input"]
     if case["door"] == "time":
-        return interval(seconds(Time().typed(text)) or 0.0)
+        return interval(seconds(Time().normalise(text)) or 0.0)
     if case["door"] == "address":
-        return Address().parse(Address().typed(text), router.device.core.store)
+        return Address().parse(Address().normalise(text), router.device.core.store)
     if case["door"] == "execute":
         return router.script(text)
     if ".id=*1" in text:

@@ -7,9 +7,9 @@ from importlib import resources
 import pytest
 from row_subtests import for_each_row
 
-from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, MODELLED, Shape
+from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, MODELLED_MENUS, Shape
 from atlantis_netcfg.emulator.routeros.menus._references import reference
-from atlantis_netcfg.emulator.routeros.schema import TREES, Schema, features_of, offered, version_key
+from atlantis_netcfg.emulator.routeros.schema import TREES, Schema, features_of, offered_values, version_key
 
 EVERYTHING = frozenset({"poe", "routerboard"})
 DATA = resources.files("atlantis_netcfg.emulator.routeros").joinpath("data")
@@ -169,7 +169,7 @@ def test_boards_and_packages() -> None:
     assert features_of("RB5009UPr+S+", poe=True) == EVERYTHING
 
 
-@for_each_row("menu", MODELLED.values(), ids=MODELLED.keys())
+@for_each_row("menu", MODELLED_MENUS.values(), ids=MODELLED_MENUS.keys())
 def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
     known: set[str] = {"name"} if menu.path == "/ip/service" else set()  # type: ignore[attr-defined]
     for version in TREES:
@@ -181,18 +181,18 @@ def test_every_row_of_the_table_is_in_a_tree(menu: object) -> None:
     assert not {name for name in odd if not name.startswith(tuple(shared))}
 
 
-@for_each_row("path", MODELLED)
+@for_each_row("path", MODELLED_MENUS)
 def test_shapes_are_those_of_the_tree(path: str) -> None:
     schema = Schema("7.21.5", ("routeros", "wireless"), EVERYTHING)
     if "add" in schema.commands(path):
         expected = Shape.LIST
     else:
-        expected = Shape.FIXED if "numbers" in schema.arguments(path, "set") else Shape.SETTINGS
-    assert MODELLED[path].shape is expected
+        expected = Shape.FIXED_ROWS if "numbers" in schema.arguments(path, "set") else Shape.SETTINGS
+    assert MODELLED_MENUS[path].shape is expected
 
 
 def test_every_exported_menu_has_its_place() -> None:
-    assert {path for path, menu in MODELLED.items() if menu.exported} == set(EXPORT_ORDER)
+    assert {path for path, menu in MODELLED_MENUS.items() if menu.is_exported} == set(EXPORT_ORDER)
 
 
 def test_arguments_that_name_rows_are_told_by_what_was_offered() -> None:
@@ -213,6 +213,6 @@ def test_arguments_that_name_rows_are_told_by_what_was_offered() -> None:
 
 
 def test_offered_values() -> None:
-    assert "fasttrack-connection" in offered("/ip/firewall/filter", "action")
-    assert not [value for value in offered("/ip/firewall/filter", "protocol") if re.search("[!,]", value)]
-    assert offered("/ip/firewall/filter", "comment") == ()
+    assert "fasttrack-connection" in offered_values("/ip/firewall/filter", "action")
+    assert not [value for value in offered_values("/ip/firewall/filter", "protocol") if re.search("[!,]", value)]
+    assert offered_values("/ip/firewall/filter", "comment") == ()

@@ -35,8 +35,8 @@ GOOD: list[tuple[values.ValueType, str, str]] = [
     (values.Size(), "4096", "4096KiB"),
     (values.Choice(("a", "b")), "b", "b"),
     (values.Choices(("a", "b", "c")), "c,a", "a,c"),
-    (values.Choices(("syn", "ack"), signed=True), "!ack,syn", "syn,!ack"),
-    (values.Choices(("a", "b"), ordered=False), "b,a", "b,a"),
+    (values.Choices(("syn", "ack"), has_signs=True), "!ack,syn", "syn,!ack"),
+    (values.Choices(("a", "b"), is_ordered=False), "b,a", "b,a"),
     (values.Not(values.Choice(("tcp",))), "!tcp", "!tcp"),
     (values.Pattern(r"\d+"), "12", "12"),
     (values.Time(), "90", "1m30s"),
@@ -81,7 +81,7 @@ GOOD: list[tuple[values.ValueType, str, str]] = [
     (values.GatewayValue(), "10.0.0.1%ether1", "10.0.0.1%ether1"),
     (values.GatewayValue(), "10.0.0.1@main", "10.0.0.1@main"),
     (values.Topics(("info", "dhcp")), "info,!dhcp", "info,!dhcp"),
-    (values.Granted(("read", "write")), "read", "read,!write"),
+    (values.PolicySet(("read", "write")), "read", "read,!write"),
 ]
 
 
@@ -142,7 +142,7 @@ BAD: list[tuple[values.ValueType, str, str]] = [
     (values.GatewayValue(), "10.0.0.1@elsewhere", INVALID),
     (values.GatewayValue(), "10.0.0.300", INVALID),
     (values.Topics(("info",)), "debug", OFFERED),
-    (values.Granted(("read",)), "fly", OFFERED),
+    (values.PolicySet(("read",)), "fly", OFFERED),
 ]
 
 

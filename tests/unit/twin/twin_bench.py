@@ -46,7 +46,7 @@ class Bench:
 
     def reaches(self, service: str = "api-ssl", *, established: bool = False) -> bool:
         talks = established or self.device.services()[service].admits(TECHNICIAN)
-        return talks and self.device.path_open(TECHNICIAN, ROUTER, service, established=established)
+        return talks and self.device.path_open(TECHNICIAN, ROUTER, service, is_established=established)
 
     def text(self) -> str:
         return self.device.export(header=False, show_sensitive=True)
@@ -64,7 +64,7 @@ USERS = (
     User(name="provision"),
     User(name="watch", password="look", group="read"),
     User(name="edit", password="write", group="write"),
-    User(name="gone", password="x", disabled=True),
+    User(name="gone", password="x", is_disabled=True),
     User(name="afar", password="y", address="192.0.2.0/24"),
 )
 

@@ -4,13 +4,13 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.emulator.routeros import RunningSite, TwinRefused
+from atlantis_netcfg.emulator.routeros import ControlError, RunningSite
 from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.device import Device
 from atlantis_netcfg.emulator.routeros.environment import move
 from atlantis_netcfg.emulator.routeros.spec import (
-    Called,
+    DiscoveryNeighbour,
     Environment,
     Load,
     RouterSpec,
@@ -149,7 +149,11 @@ def test_leases_and_the_time() -> None:
 
 def test_names_are_heard_where_discovery_listens() -> None:
     box = Box(
-        called=(Called(identity="MikroTik", interface="bridge-lan", mac="02:00:5e:00:aa:02", address="10.64.1.77"),)
+        called=(
+            DiscoveryNeighbour(
+                identity="MikroTik", interface="bridge-lan", mac="02:00:5e:00:aa:02", address="10.64.1.77"
+            ),
+        )
     )
     (row,) = box.rows("/ip/neighbor/print")
     assert (row["identity"], row["mac-address"], row["address"]) == ("MikroTik", "02:00:5E:00:AA:02", "10.64.1.77")
@@ -158,7 +162,10 @@ def test_names_are_heard_where_discovery_listens() -> None:
     box.rows("/ip/neighbor/discovery-settings/set", "=discover-interface-list=!none")
     assert len(box.rows("/ip/neighbor/print")) == 1
     assert (
-        Box(called=(Called(identity="x", interface="nope", mac="02:00:5E:00:AA:02"),)).rows("/ip/neighbor/print") == []
+        Box(called=(DiscoveryNeighbour(identity="x", interface="nope", mac="02:00:5E:00:AA:02"),)).rows(
+            "/ip/neighbor/print"
+        )
+        == []
     )
 
 
@@ -195,5 +202,5 @@ def test_the_control_knows_the_word(tmp_path: Path) -> None:
     with RunningSite(SiteSpec(name="site", twins=(TwinSpec(router=RouterSpec(name="box")),)), tmp_path) as site:
         told = site.do("box", "around", leases={"10.64.1.23": "bound"})
         assert told["leases"] == {"10.64.1.23": "bound"}
-        with pytest.raises(TwinRefused, match="Extra inputs are not permitted"):
+        with pytest.raises(ControlError, match="Extra inputs are not permitted"):
             site.do("box", "around", moods=1)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.checklist.probes import CommandResult, wifi
-from atlantis_netcfg.core.reading_programs import PROGRAMS, allowed
+from atlantis_netcfg.core.reading_programs import PROGRAMS, is_allowed
 from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.inventory import load
 from atlantis_netcfg.records.asbuilt import computer as record
@@ -73,7 +73,7 @@ def test_what_is_no_radio_is_none_to_iw(name: str) -> None:
     ("time", "lines"),
     [
         (linux.TimeSpec(), ("Timezone=Europe/Lisbon", "NTPSynchronized=yes", "TimeUSec=Sun 2026-11-22 10:00:00 WET")),
-        (linux.TimeSpec(synchronised=False, ntp=False), ("NTP=no", "NTPSynchronized=no")),
+        (linux.TimeSpec(is_synchronised=False, ntp=False), ("NTP=no", "NTPSynchronized=no")),
         (linux.TimeSpec(offset_s=-3600, zone="Etc/UTC"), ("Timezone=Etc/UTC", "TimeUSec=Sun 2026-11-22 09:00:00 UTC")),
     ],
     ids=("healthy", "not set", "behind"),
@@ -85,7 +85,7 @@ def test_the_clock_as_timedatectl_tells(time: linux.TimeSpec, lines: tuple[str, 
 def test_chrony_as_it_tells() -> None:
     told = out(spec(), "chronyc -n -c tracking").strip().split(",")
     assert (len(told), told[1], told[2], told[-1]) == (14, "192.0.2.123", "3", "Normal")
-    lost = out(spec(time=linux.TimeSpec(synchronised=False)), "chronyc -n -c tracking").strip().split(",")
+    lost = out(spec(time=linux.TimeSpec(is_synchronised=False)), "chronyc -n -c tracking").strip().split(",")
     assert (len(lost), lost[2], lost[-1]) == (14, "0", "Not synchronised")
     assert out(spec(), "chronyc -n -c sources").startswith("^,*,192.0.2.123,")
     stopped = linux.Computer(spec(time=linux.TimeSpec(chrony=False))).answer(["chronyc", "-n", "-c", "tracking"])
@@ -101,7 +101,7 @@ def test_a_program_that_is_not_there_is_not_found(words: str) -> None:
     computer = linux.Computer(spec(lacks=("openssl",)))
     program = words.split(maxsplit=1)[0]
     assert computer.answer(words.split()) == (127, "", f"sh: 1: {program}: not found\n")
-    assert computer.heard == [tuple(words.split())]
+    assert computer.inputs == [tuple(words.split())]
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_what_it_does_not_print_fails_as_the_program_would(words: str) -> None:
 
 
 def test_files_that_may_not_be_read() -> None:
-    made = spec(denied=("/etc/secret",))
+    made = spec(unreadable_paths=("/etc/secret",))
     assert linux.Computer(made).answer(["cat", "/etc/secret"]) == (1, "", "cat: /etc/secret: Permission denied\n")
     assert linux.Computer(made).answer(["openssl", "storeutl", "/etc/secret"])[0] == 1
 
@@ -205,7 +205,7 @@ def test_a_computer_says_what_it_is_as_the_record_asks() -> None:
     ],
 )
 def test_what_it_says_of_itself_in_the_words_of_the_programs(words: str, answer: tuple[int, str, str]) -> None:
-    made = spec(denied=("/etc/secret",), packages={"chrony": "4.3-2", "bash": "5.2.15-2+b8"})
+    made = spec(unreadable_paths=("/etc/secret",), packages={"chrony": "4.3-2", "bash": "5.2.15-2+b8"})
     assert linux.Computer(made).answer(words.split()) == answer
 
 
@@ -213,4 +213,4 @@ def test_every_program_of_the_list_has_its_twin() -> None:
     programs = {words.split()[0] for words in PROGRAMS}
     made = linux.Computer(spec())
     assert {program for program in programs if made.answer((program,))[0] == 127} == set()
-    assert not allowed(("sh", "-c", "true"))
+    assert not is_allowed(("sh", "-c", "true"))

@@ -200,7 +200,7 @@ def test_on_the_console_as_the_manual_shows_it() -> None:
     assert {"current-operator: EXAMPLE", "primary-band: B3@20Mhz earfcn: 1300 phy-cellid: 480", "rsrp: -97dBm"} <= set(
         lines
     )
-    assert (typed[1].failed, typed[1].text) == (True, "no such item")
+    assert (typed[1].has_failed, typed[1].text) == (True, "no such item")
     assert "roaming-barring: yes" in box.device.type(box.caller, "/interface lte show-capabilities lte1").text
 
 

@@ -14,7 +14,7 @@ AP = RadioSettings(
     driver=Driver.WIRELESS,
     mac="48:A9:8A:00:00:01",
     radio_name="ap",
-    enabled=True,
+    is_enabled=True,
     mode="bridge",
     bridges_stations=True,
     protocol="802.11",
@@ -40,8 +40,8 @@ WIFI: dict[str, Any] = {"driver": Driver.WIFI, "band": "5ghz-ax", "nv2_key": Non
 
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any], str]] = {
     "as they are": ({}, {}, {}, ""),
-    "access point off": ({"enabled": False}, {}, {}, "a radio is disabled"),
-    "station off": ({}, {"enabled": False}, {}, "a radio is disabled"),
+    "access point off": ({"is_enabled": False}, {}, {}, "a radio is disabled"),
+    "station off": ({}, {"is_enabled": False}, {}, "a radio is disabled"),
     "two access points": ({}, {"mode": "ap-bridge"}, {}, "both ends are access points"),
     "two stations": ({"mode": "station"}, {}, {}, "no end is an access point"),
     "plain station": ({}, {"mode": "station"}, {}, "the station does not bridge"),

@@ -48,7 +48,7 @@ class Terminal:
         user, screen = split_login(login)
         self.caller = bench.device.login(user, "" if user == "fresh" else PASSWORD, via="ssh", address=TECHNICIAN)
         self._out = bytearray()
-        self.session = ConsoleSession(DirectTalk(bench.device, self.caller), screen, self._out.extend, sized=sized)
+        self.session = ConsoleSession(DirectTalk(bench.device, self.caller), screen, self._out.extend, has_size=sized)
         asyncio.run(self.session.start())
 
     def shown(self) -> str:

@@ -9,7 +9,7 @@ import pytest
 from librouteros.exceptions import FatalError, TrapError
 from wire_helpers import PASSWORD, router_spec, trusting
 
-from atlantis_netcfg.emulator.routeros import RunningSite, SiteSpec, TwinRefused, TwinSpec
+from atlantis_netcfg.emulator.routeros import ControlError, RunningSite, SiteSpec, TwinSpec
 
 
 @pytest.fixture
@@ -82,5 +82,5 @@ def test_commands_reach_the_twin_in_its_thread(site: RunningSite) -> None:
 def test_what_twins_do_not_understand(
     site: RunningSite, twin: str, do: str, arguments: dict[str, Any], words: str
 ) -> None:
-    with pytest.raises(TwinRefused, match=words):
+    with pytest.raises(ControlError, match=words):
         site.do(twin, do, **arguments)

@@ -31,9 +31,9 @@ def test_every_nth_segment_is_lost_once() -> None:
 
 
 def test_a_long_write_comes_in_segments() -> None:
-    pieces = list(Chunk(b"x" * (SEGMENT * 2 + 1), heard=3, answered=2).segments())
+    pieces = list(Chunk(b"x" * (SEGMENT * 2 + 1), heard_count=3, answer_count=2).segments())
     assert [len(piece.data) for piece in pieces] == [SEGMENT, SEGMENT, 1]
-    assert {(piece.heard, piece.answered) for piece in pieces} == {(3, 2)}
+    assert {(piece.heard_count, piece.answer_count) for piece in pieces} == {(3, 2)}
 
 
 async def _arrivals(link: RouterLink, chunks: list[bytes], *, gap: tuple[float, float] | None = None) -> list[float]:

@@ -12,7 +12,7 @@ from wire_helpers import Client, now, router, router_spec, run
 
 from atlantis_netcfg.core.secret import MASK
 from atlantis_netcfg.emulator.routeros import EmulatedRouter, FaultKind, LinkFault, WireBehaviour, WireCounters
-from atlantis_netcfg.emulator.routeros.wire.link import Faults, WirePace, masked
+from atlantis_netcfg.emulator.routeros.wire.link import Faults, WirePace, mask_words
 
 pytestmark = pytest.mark.coroutine(run=run)
 PRINT = "/system/identity/print"
@@ -190,7 +190,7 @@ def test_a_fault_strikes_once_at_its_sentence() -> None:
     assert faults.upon("/ip/address/add") == []
     assert [fault.do for fault in faults.upon("/ip/firewall/nat/add")] == [FaultKind.DROP]
     assert faults.upon("/ip/firewall/nat/add") == []
-    assert faults.armed == ()
+    assert faults.pending == ()
 
 
 def test_disarmed_faults_do_not_strike() -> None:
@@ -215,7 +215,7 @@ def test_disarmed_faults_do_not_strike() -> None:
     ],
 )
 def test_secrets_do_not_reach_the_log(word: str, shown: str) -> None:
-    assert masked(["/x", word]) == ("/x", shown)
+    assert mask_words(["/x", word]) == ("/x", shown)
 
 
 def test_counters_add_up() -> None:

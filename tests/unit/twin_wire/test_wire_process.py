@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from waiting import HANG_S
 from wire_helpers import PASSWORD, router_spec
 
-from atlantis_netcfg.emulator.routeros import SiteSpec, TwinRefused, TwinsFailed, TwinSpec, spawn
+from atlantis_netcfg.emulator.routeros import ControlError, EmulatorError, SiteSpec, TwinSpec, spawn
 
 SITE = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec()),))
 RENAME = ["/system/identity/set", "=name=renamed"]
@@ -81,7 +81,7 @@ def test_a_specification_with_an_error_ends_with_three(tmp_path: Path) -> None:
 
 def test_twins_that_cannot_start_say_why(tmp_path: Path) -> None:
     spec = SiteSpec(name="coastal", twins=(TwinSpec(router=router_spec(seed="/ip nonsense\nadd x=y")),))
-    with pytest.raises(TwinsFailed, match="twins of coastal do not start: SeedRefused: "):
+    with pytest.raises(EmulatorError, match="twins of coastal do not start: SeedError: "):
         spawn(spec, tmp_path)
 
 
@@ -95,7 +95,7 @@ def test_spawned_twins_serve_and_obey(tmp_path: Path) -> None:
         where = twins.ready["router"]
         librouteros.connect(where["host"], "provision", PASSWORD, port=where["api"]).close()
         assert twins.do("router", "counters")["logins"] == 1
-        with pytest.raises(TwinRefused, match="explode"):
+        with pytest.raises(ControlError, match="explode"):
             twins.do("router", "explode")
     assert PASSWORD not in (tmp_path / "twins.log").read_text()
     assert (tmp_path / "site.json").stat().st_mode & 0o777 == 0o600
@@ -105,11 +105,11 @@ def test_twins_that_died_are_reported(tmp_path: Path) -> None:
     twins = spawn(SITE, tmp_path)
     twins._process.kill()
     twins._process.wait()
-    with pytest.raises(TwinsFailed, match="the process of the emulated devices has ended") as ended:
+    with pytest.raises(EmulatorError, match="the process of the emulated devices has ended") as ended:
         twins.do("router", "info")
     assert ended.value.hint == "type the same command again"
     (tmp_path / "twins.log").write_text("one\nMemoryError\n")
-    with pytest.raises(TwinsFailed) as once_more:
+    with pytest.raises(EmulatorError) as once_more:
         twins.do("router", "info")
     assert once_more.value.hint == "the end of its log:\none\nMemoryError"
     twins.close()

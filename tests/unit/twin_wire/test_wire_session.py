@@ -207,11 +207,11 @@ async def test_two_flights_of_sixteen_stay_below_the_limit(tmp_path: Path) -> No
 
 def test_the_public_surface_is_what_it_says() -> None:
     assert set(package.__all__) == {
-        *("COMMANDS", "NOT_REHEARSED", "Air", "Called", "CellSpec", "WireCounters", "Deviation", "Device"),
+        *("COMMANDS", "NOT_REHEARSED", "Air", "DiscoveryNeighbour", "CellSpec", "WireCounters", "Deviation", "Device"),
         *("DeviceMode", "Environment", "Execute", "LinkFault", "FaultKind", "RouterLink", "Load"),
         *("ManagementSpec", "DeviceModeName", "ModemSpec", "Radio", "RadioLink", "RadioPair", "EmulatedRouter"),
         *("RouterSpec", "RunningSite", "Service", "SimSpec", "EmulatedSite", "SiteSpec", "SpawnedSite"),
-        *("TrafficCounters", "TwinRefused", "TwinSpec", "TwinsFailed", "User", "Validity"),
+        *("TrafficCounters", "ControlError", "TwinSpec", "EmulatorError", "User", "Validity"),
         *("WireBehaviour", "spawn"),
     }
     assert all(hasattr(package, name) for name in package.__all__)

@@ -24,7 +24,7 @@ from atlantis_netcfg.routeros.render import (
 )
 from atlantis_netcfg.routeros.render._cpe import access_point
 from atlantis_netcfg.routeros.render._switch import SwitchView, switch_view
-from atlantis_netcfg.routeros.render.view import ClassView, Named
+from atlantis_netcfg.routeros.render.view import ClassView, NamedAddress
 
 NEWER = {("/interface/wifi", "configuration.installation"): "7.17"}
 """Menu and argument to the first tree that has it: the claim of 7.16 is for names that every version has, but these."""
@@ -56,7 +56,7 @@ def routers() -> Iterator[RouterView]:
 
 def _variants(view: RouterView) -> Iterator[RouterView]:
     yield replace(view, tunnel=None)
-    yield replace(view, remotes=(), forwards=(), served=(), uplinks=view.uplinks[:1])
+    yield replace(view, remotes=(), forwards=(), served_links=(), uplinks=view.uplinks[:1])
     yield replace(view, uplinks=tuple(replace(link, canaries=(), targets=()) for link in view.uplinks))
     for menus in ("wifi", "wireless"):
         for isolated, power in ((True, 10), (False, None)):
@@ -71,8 +71,8 @@ def _variants(view: RouterView) -> Iterator[RouterView]:
             )
             yield replace(view, access_point=access_point(radio))
     yield replace(view, server_in_lan=not view.server_in_lan)
-    yield replace(view, switches=(Named("coastal-switch", "10.64.1.5"),))
-    yield replace(view, classes=(ClassView("images", 5, 10, (Named("zarco", "10.64.1.23"),)),))
+    yield replace(view, switches=(NamedAddress("coastal-switch", "10.64.1.5"),))
+    yield replace(view, classes=(ClassView("images", 5, 10, (NamedAddress("zarco", "10.64.1.23"),)),))
     yield replace(view, ports=tuple(replace(port, poe_out=None, poe_priority=None) for port in view.ports))
     yield replace(view, ports=tuple(replace(port, poe_out="auto-on", poe_priority=10) for port in view.ports))
 

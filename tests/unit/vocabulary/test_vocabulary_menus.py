@@ -8,7 +8,7 @@ from trees import EVERY_TREE, TREES, VERSIONS, Tree, offered
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
 from atlantis_netcfg.emulator.routeros import values
-from atlantis_netcfg.emulator.routeros.menus import MODELLED, OLD_WORDS
+from atlantis_netcfg.emulator.routeros.menus import MODELLED_MENUS, OLD_WORDS
 from atlantis_netcfg.emulator.routeros.schema import BOARD_FEATURES, Schema
 from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape
 
@@ -58,11 +58,11 @@ def test_a_field_comes_and_goes_when_the_trees_say(path: str, name: str) -> None
         assert after < field.since <= until
     after, until = found.went
     if until is None or (path, name) in SINCE_ABSENT:
-        assert field.gone is None or field.gone > NEWEST_KNOWN
+        assert field.until is None or field.until > NEWEST_KNOWN
     else:
-        assert field.gone is not None
+        assert field.until is not None
         assert after is not None
-        assert after < field.gone <= until
+        assert after < field.until <= until
 
 
 @for_each_row("path", MENUS)
@@ -84,10 +84,10 @@ def test_shapes_are_those_of_the_trees(path: str, tree: Tree) -> None:
     if menu.readonly:
         return
     assert _SHAPES[menu.shape] == ("fixed" if path in RADIOS else tree.shape(path))
-    assert not menu.ordered or "move" in tree.commands(path)
+    assert not menu.is_ordered or "move" in tree.commands(path)
     needed = {"list": {"add", "set", "remove", "print"}, "fixed": {"set", "print"}, "settings": {"set", "print"}}
     assert needed[tree.shape(path)] <= tree.commands(path)
-    assert MODELLED[path].shape.value == tree.shape(path)
+    assert MODELLED_MENUS[path].shape.value == tree.shape(path)
 
 
 REVIEWED_UNORDERED = {
@@ -99,7 +99,7 @@ REVIEWED_UNORDERED = {
 
 def test_menus_with_move_are_ordered_or_reviewed() -> None:
     movable = {path for path in MENUS if "move" in TREES[1].commands(path)}
-    ordered = {path for path, menu in MENUS.items() if menu.ordered}
+    ordered = {path for path, menu in MENUS.items() if menu.is_ordered}
     assert movable - ordered == {path for path in movable if path in REVIEWED_UNORDERED}
     assert ordered <= movable
 
@@ -126,7 +126,7 @@ def closed(kind: values.ValueType) -> set[str] | None:
 def test_words_of_the_twin_are_those_of_the_console() -> None:
     """Where the console offers a closed set, the twin takes all of it and nothing else."""
     checked, differing = 0, {}
-    for path, menu in MODELLED.items():
+    for path, menu in MODELLED_MENUS.items():
         for arg in menu.args:
             ours, theirs = closed(arg.kind), words(path, arg.name)
             if ours is None or not theirs or arg.name.rpartition(".")[2] in FREE:
@@ -144,7 +144,7 @@ def words(path: str, name: str) -> set[str]:
 
 
 def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
-    for path, menu in MODELLED.items():
+    for path, menu in MODELLED_MENUS.items():
         for arg in menu.args:
             if arg.name.rpartition(".")[2] in FREE and (ours := closed(arg.kind)) is not None:
                 assert words(path, arg.name) <= ours, (path, arg.name)
@@ -152,7 +152,7 @@ def test_countries_and_protocols_that_the_console_offers_are_taken() -> None:
 
 @for_each_row("path", MENUS)
 def test_defaults_of_enumerations_are_words_of_the_console(path: str) -> None:
-    twin = MODELLED[path].by_name if path in MODELLED else {}
+    twin = MODELLED_MENUS[path].by_name if path in MODELLED_MENUS else {}
     for field in MENUS[path].fields:
         if field.default and field.name in twin and closed(twin[field.name].kind) and words(path, field.name):
             assert set(field.default.split(",")) <= words(path, field.name), field.name

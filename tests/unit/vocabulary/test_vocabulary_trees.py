@@ -10,7 +10,7 @@ from spoken import lines, sentence, tokens
 from trees import PUBLISHED, ROOT, SHIPPED, TREES, VERSIONS, WHOLE, Tree, apply, grown, offered, steps
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.emulator.routeros.schema import ADDED
+from atlantis_netcfg.emulator.routeros.schema import ADDITIONS
 from atlantis_netcfg.emulator.routeros.schema import TREES as SHIPPED_BY_TWIN
 
 BESIDE = ROOT.parent / "shared" / "data" / "routeros-inspect"
@@ -89,7 +89,7 @@ def test_what_left_the_tree_of_the_cloud_hosted_router(menu: str, argument: str)
 
 def test_what_the_twin_adds_to_a_tree_is_a_known_hole() -> None:
     """Its own table of hardware may not name anything that we have not looked at."""
-    for row in ADDED:
+    for row in ADDITIONS:
         absent = [tree for tree in TREES if not tree.has_command(row.menu, row.command)]
         if absent:
             assert any(row.menu == hole.menu or row.menu.startswith(hole.menu + "/") for hole in HOLES), row

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 
-from atlantis_netcfg.vpn.names import RESERVED
+from atlantis_netcfg.vpn.names import RESERVED_WORDS
 
 __all__ = ["Hostile", "hostile_names", "is_legitimate"]
 
@@ -35,7 +35,7 @@ def hostile_names() -> tuple[Hostile, ...]:
 def is_legitimate(text: str) -> bool:
     """The rule in other words than the product's: letter by letter."""
     within = all(letter in PLAIN for letter in text) and 1 <= len(text) <= 48
-    return within and not text.startswith("-") and not text.endswith("-") and text not in RESERVED
+    return within and not text.startswith("-") and not text.endswith("-") and text not in RESERVED_WORDS
 
 
 def _all() -> Iterator[str]:
@@ -197,7 +197,9 @@ def _languages() -> Iterator[str]:
 
 def _words() -> Iterator[str]:
     """Reserved words as they are, in other cases, and beside a letter too many, with which they are good again."""
-    for word in sorted(RESERVED | {"default", "server", "ip", "ip6", "tcp", "udp", "log", "set", "map", "fwd", "dup"}):
+    for word in sorted(
+        RESERVED_WORDS | {"default", "server", "ip", "ip6", "tcp", "udp", "log", "set", "map", "fwd", "dup"}
+    ):
         yield from (word, word.upper(), word.capitalize(), f"{word} ", f"-{word}", f"{word}_")
     yield from (
         *("defaultx", "server-1", "log2", "null", "none", "nan", "yes", "no", "on", "off", "0", "1e9", "0x10"),

@@ -17,7 +17,7 @@ from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import check
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged
+from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError
 from atlantis_netcfg.vpn.ledger import LedgerState, digest
 from atlantis_netcfg.vpn.reports import audit
 
@@ -33,7 +33,7 @@ def made(tmp_path: Path) -> Stand:
     found.issue("b")
     with found.signing() as signer:
         signer.revoke(["iqua-a"], "stolen")
-    found.authority.seen({"iqua-b": datetime.now(UTC)})
+    found.authority.record_sessions({"iqua-b": datetime.now(UTC)})
     return found
 
 
@@ -200,7 +200,7 @@ def test_what_was_done_to_a_record_is_told(name: str, made: Stand) -> None:
 def test_nothing_is_signed_over_what_is_missing(name: str, made: Stand) -> None:
     MANIPULATIONS[name][0](made.folder)
     before = {path: path.read_bytes() for path in made.folder.rglob("*") if path.is_file() and path.name != "lock"}
-    with pytest.raises(AuthorityDamaged) as refused, made.signing():
+    with pytest.raises(CorruptAuthorityError) as refused, made.signing():
         pass
     assert "restore ledger.jsonl and ledger.head" in str(refused.value.hint)
     assert {path: path.read_bytes() for path in before} == before
@@ -226,7 +226,7 @@ def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monke
     assert made.authority.agreement().problems == ()
     assert looked == [made.folder]
     other_kind_of_ca(made.folder)
-    assert made.authority.agreement().signed == 0
+    assert made.authority.agreement().signed_lines == 0
     assert looked == [made.folder], "another CA's key says nothing about it"
 
 
@@ -237,9 +237,9 @@ def test_every_way_of_opening_the_key_signs_what_is_there(tmp_path: Path) -> Non
     with suppress(KeyboardInterrupt), made.signing() as signer:
         signer.issue([wish("b")], made.deliver)
         raise KeyboardInterrupt
-    assert made.authority.agreement().signed == _lines(made.folder)
+    assert made.authority.agreement().signed_lines == _lines(made.folder)
     made.authority.reseal(PASSPHRASE, PASSPHRASE, "tester", "vault")
     head = json.loads((made.folder / "ledger.head").read_text())
     assert head["line"] == _lines(made.folder)
     again = Authority.init(made.folder, PASSPHRASE, NAMES, "founder", "vault")
-    assert again.agreement().signed == _lines(made.folder)
+    assert again.agreement().signed_lines == _lines(made.folder)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, HandoutFile
 from atlantis_netcfg.vpn.identity import Identity, MemberKind
-from atlantis_netcfg.vpn.names import NameRefused, check_name, member_name
+from atlantis_netcfg.vpn.names import InvalidNameError, check_name, member_name
 
 
 def test_there_are_enough_and_few_are_good() -> None:
@@ -26,13 +26,13 @@ def test_each_is_taken_as_it_should_be(what: str) -> None:
     for one in hostile_names():
         try:
             taken = check_name(one.text, what) == one.text
-        except NameRefused as refused:
+        except InvalidNameError as refused:
             taken = False
             well_said(refused, what)
         assert taken == one.legitimate, one
 
 
-def well_said(refused: NameRefused, what: str) -> None:
+def well_said(refused: InvalidNameError, what: str) -> None:
     """In words that a terminal can show, whatever the name was."""
     assert refused.exit is ExitCode.USAGE
     told = f"{refused}{refused.hint}"
@@ -45,7 +45,7 @@ def well_said(refused: NameRefused, what: str) -> None:
 def test_any_text_is_taken_as_it_should_be(text: str) -> None:
     try:
         check_name(text, "device")
-    except NameRefused as error:
+    except InvalidNameError as error:
         refused = error
     else:
         assert is_legitimate(text)

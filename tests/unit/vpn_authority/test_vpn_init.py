@@ -16,7 +16,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import ledger_session
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, NoAuthority, ServerNames
+from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError, NoAuthority, ServerNames
 
 OTHER = Secret("another six words that a die has chosen")
 
@@ -72,9 +72,9 @@ def test_a_lost_ledger_is_not_founded_over(tmp_path: Path) -> None:
     made = stand(tmp_path)
     (made.folder / "ledger.jsonl").unlink()
     before = tree(made.folder)
-    with pytest.raises(AuthorityDamaged, match=r"has ca.crt, crl.pem, ca.key.vault, but not the ledger"):
+    with pytest.raises(CorruptAuthorityError, match=r"has ca.crt, crl.pem, ca.key.vault, but not the ledger"):
         Authority.open(made.folder)
-    with pytest.raises(AuthorityDamaged, match="but not the ledger"):
+    with pytest.raises(CorruptAuthorityError, match="but not the ledger"):
         Authority.init(made.folder, PASSPHRASE, NAMES, "me", "vault")
     assert tree(made.folder) == before
 
@@ -89,7 +89,7 @@ def test_the_passphrase_is_changed(tmp_path: Path) -> None:
     made = stand(tmp_path)
     authority = made.authority
     authority.reseal(PASSPHRASE, OTHER, "me", "vault")
-    with pytest.raises(pki.WrongPassphrase), authority.unlocked(lambda: PASSPHRASE, "me"):
+    with pytest.raises(pki.WrongPassphrase), authority.unlock(lambda: PASSPHRASE, "me"):
         pass
     # The repeat of a change that was killed at its end has nothing left to do.
     authority.reseal(PASSPHRASE, OTHER, "me", "vault")
@@ -98,7 +98,7 @@ def test_the_passphrase_is_changed(tmp_path: Path) -> None:
     authority.reseal(OTHER, PASSPHRASE, "me")
     assert (made.folder / "ca.key.age").exists()
     assert not (made.folder / "ca.key.vault").exists()
-    with authority.unlocked(lambda: PASSPHRASE, "me") as signer:
+    with authority.unlock(lambda: PASSPHRASE, "me") as signer:
         signer.publish()
     assert "the CA key was put under another passphrase (age)" in [entry.words for entry in authority.history()]
     text = (made.folder / "ledger.jsonl").read_text()
@@ -147,7 +147,7 @@ def test_a_ca_of_another_ledger_signs_nothing(tmp_path: Path) -> None:
     other = Authority.init(tmp_path / "other", PASSPHRASE, NAMES, "me", "vault")
     for name in ("ca.crt", "ca.key.vault"):
         (made.folder / name).write_bytes((other.folder / name).read_bytes())
-    refused = pytest.raises(AuthorityDamaged, match=r"ca.crt is not the certificate authority of the ledger")
-    with refused, made.authority.unlocked(lambda: PASSPHRASE, "me"):
+    refused = pytest.raises(CorruptAuthorityError, match=r"ca.crt is not the certificate authority of the ledger")
+    with refused, made.authority.unlock(lambda: PASSPHRASE, "me"):
         pass
     assert "ca.crt is not the certificate authority of the ledger" in made.authority.check()

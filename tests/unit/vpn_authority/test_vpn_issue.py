@@ -14,7 +14,7 @@ from cryptography import x509
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.vpn.authority.model import (
     AddressTaken,
-    AuthorityFailed,
+    AuthorityError,
     EnrolmentRequest,
     HandoutFile,
     OtherMember,
@@ -73,7 +73,7 @@ def test_the_same_wish_again_makes_nothing(tmp_path: Path) -> None:
     with made.signing() as signer:
         again, new = signer.issue([wish("a"), wish("b")], made.deliver)
     assert (again.already, new.already) == (True, False)
-    assert again.delivered.path.endswith("iqua-a/member.txt")
+    assert again.file.path.endswith("iqua-a/member.txt")
     assert [one.member.name for one in made.identities] == ["iqua-a", "iqua-b"]
     after = (made.folder / "ledger.jsonl").read_bytes()
     assert after.startswith(before)
@@ -141,12 +141,12 @@ def failing(made: Stand, name: str, error: Exception) -> None:
 
 def test_what_was_not_handed_out_is_revoked_and_made_anew(tmp_path: Path) -> None:
     made = stand(tmp_path)
-    with pytest.raises(AuthorityFailed, match="what `iqua-b` gets cannot be written: disk on fire"):
+    with pytest.raises(AuthorityError, match="what `iqua-b` gets cannot be written: disk on fire"):
         failing(made, "iqua-b", OSError(5, "disk on fire"))
     membership = made.authority.membership()
     assert [len(membership.members[f"iqua-{name}"].good) for name in "abc"] == [1, 0, 0]
     assert made.authority.check() == []
-    assert membership.queued == ()
+    assert membership.queued_names == ()
     made.issue("a", "b", "c")
     membership = made.authority.membership()
     assert [one.good[0].common_name for one in membership.members.values()] == ["iqua-a", "iqua-b.2", "iqua-c.2"]
@@ -201,7 +201,7 @@ def test_a_batch_that_breaks_off_keeps_what_was_handed_out(tmp_path: Path) -> No
             raise OSError(28, "No space left on device")
         return made.deliver(identity)
 
-    with made.signing() as signer, pytest.raises(AuthorityFailed, match="what `iqua-d110` gets cannot be written"):
+    with made.signing() as signer, pytest.raises(AuthorityError, match="what `iqua-d110` gets cannot be written"):
         signer.issue(wishes, deliver)
     assert sum(1 for one in made.authority.membership().members.values() if one.good) == 110
     assert made.authority.check() == []
@@ -235,7 +235,9 @@ def test_reserved_and_declared_addresses_are_not_given_away(tmp_path: Path) -> N
     declared = wish("c", pool=FOUR, address=IPv4Address("10.8.16.2"))
     with made.signing() as signer:
         issued = signer.issue(
-            [wish("a", pool=FOUR), wish("b", pool=FOUR), declared], made.deliver, reserved=[IPv4Address("10.8.16.1")]
+            [wish("a", pool=FOUR), wish("b", pool=FOUR), declared],
+            made.deliver,
+            reserved_addresses=[IPv4Address("10.8.16.1")],
         )
         assert [str(one.member.address) for one in issued] == ["10.8.16.3", "10.8.16.4", "10.8.16.2"]
         with pytest.raises(AddressTaken, match=r"10.8.16.3 of `iqua-d` is in use by `iqua-a`"):
@@ -257,7 +259,7 @@ def test_an_address_rests_until_the_pool_is_used_up_and_the_server_has_confirmed
             signer.issue([wish("c", pool=pool)], made.deliver)
         with pytest.raises(AddressTaken, match="in use by `iqua-a`"):
             signer.issue([wish("c", address=IPv4Address("10.8.16.1"))], made.deliver)
-    made.authority.settled(["iqua-a"])
+    made.authority.confirm_revocations(["iqua-a"])
     with made.signing() as signer:
         assert str(signer.issue([wish("c", pool=pool)], made.deliver)[0].member.address) == "10.8.16.1"
         with pytest.raises(PoolFull):

@@ -11,9 +11,9 @@ from authority_stand import Stand, stand, wish
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.authority import ledger_session
-from atlantis_netcfg.vpn.authority.model import AuthorityDamaged, ClockBehind
+from atlantis_netcfg.vpn.authority.model import ClockBehind, CorruptAuthorityError
 from atlantis_netcfg.vpn.identity import KeyType
-from atlantis_netcfg.vpn.ledger import Ledger, LedgerDamaged, records
+from atlantis_netcfg.vpn.ledger import CorruptLedgerError, Ledger, records
 
 NOW = datetime.now(UTC)
 
@@ -67,7 +67,7 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
         f"crl.pem (number {number - 1}) is not the list that was recorded last (number {number})",
         f"crl.pem lacks serial {serial:x}, which is revoked: provision vpn sync --sign",
     ]
-    with pytest.raises(AuthorityDamaged, match="is not the list that was recorded last"):
+    with pytest.raises(CorruptAuthorityError, match="is not the list that was recorded last"):
         made.authority.crl()
     with made.signing() as signer:
         assert signer.membership.crl_number == number + 1
@@ -80,12 +80,12 @@ def test_an_older_list_is_not_taken_for_the_published_one(tmp_path: Path) -> Non
 def test_a_killed_command_counts_if_everybody_was_done(*, is_revoked: bool, tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    done = [records.Revoked(common_name="iqua-a", reason="lost")] if is_revoked else []
+    done = [records.RevocationRecord(common_name="iqua-a", reason="lost")] if is_revoked else []
     with Ledger(made.folder / "ledger.jsonl") as ledger:
-        ledger.write([records.Begun(command="revoke", names=("iqua-a",)), *done], "me", "op", datetime.now(UTC))
+        ledger.write([records.BeginRecord(command="revoke", names=("iqua-a",)), *done], "me", "op", datetime.now(UTC))
     with made.signing():
         pass
-    end = records.Committed() if is_revoked else records.RolledBack(common_names=())
+    end = records.CommitRecord() if is_revoked else records.RolledBack(common_names=())
     assert [entry.record for entry in made.authority.history() if entry.operation == "op"][-1] == end
 
 
@@ -107,7 +107,7 @@ def test_nothing_is_signed_on_a_damaged_ledger(tmp_path: Path) -> None:
     data = path.read_bytes()
     path.write_bytes(data.replace(b"10.8.16.1", b"10.8.16.9"))
     before = (made.folder / "crl.pem").read_bytes()
-    refused = pytest.raises(LedgerDamaged, match=r"line 5 of the ledger is damaged: its checksum is wrong")
+    refused = pytest.raises(CorruptLedgerError, match=r"line 5 of the ledger is damaged: its checksum is wrong")
     with refused as damaged, made.signing():
         pass
     assert damaged.value.exit is ExitCode.FAILED

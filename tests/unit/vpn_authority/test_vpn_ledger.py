@@ -15,10 +15,10 @@ from authority_stand import Stand
 from atlantis_netcfg.vpn import pki
 from atlantis_netcfg.vpn.identity import KeyType, MemberKind, MemberLink, Wrap
 from atlantis_netcfg.vpn.ledger import (
+    CorruptLedgerError,
     Ledger,
-    LedgerDamaged,
     LedgerEntry,
-    LedgerFailed,
+    LedgerError,
     LedgerState,
     first_lines,
     read,
@@ -28,7 +28,7 @@ from atlantis_netcfg.vpn.ledger.file import GENESIS, digest, encode, parse, utc_
 
 NOW = datetime(2026, 11, 22, 7, 30, tzinfo=UTC)
 YEAR = NOW + timedelta(days=365)
-ISSUED = records.Issued(
+ISSUED = records.IssueRecord(
     name="iqua-sparus2",
     device_kind=MemberKind.ROBOT,
     partner="iqua",
@@ -46,8 +46,8 @@ ISSUED = records.Issued(
     der="QUJD",
 )
 EVERY: tuple[records.Record, ...] = (
-    records.Founded(ca_common_name="CA", ca_sha256="00", ca_not_after=YEAR, sealed_by="age"),
-    records.ServerIssued(
+    records.FoundingRecord(ca_common_name="CA", ca_sha256="00", ca_not_after=YEAR, sealed_by="age"),
+    records.ServerIssueRecord(
         common_name="server-1",
         dns=("vpn.example",),
         addresses=(IPv4Address("192.0.2.1"),),
@@ -56,19 +56,19 @@ EVERY: tuple[records.Record, ...] = (
         not_before=NOW,
         not_after=YEAR,
     ),
-    records.Begun(command="issue", names=("iqua-sparus2",)),
+    records.BeginRecord(command="issue", names=("iqua-sparus2",)),
     ISSUED,
-    records.Delivered(common_name="iqua-sparus2", path="handouts/x", sha256="cd" * 32),
-    records.Committed(),
-    records.Seen(common_name="iqua-sparus2", last=NOW),
-    records.Superseded(common_name="iqua-sparus2", by="iqua-sparus2.2"),
-    records.Revoked(common_name="iqua-sparus2", reason="lost"),
+    records.DeliveryRecord(common_name="iqua-sparus2", path="handouts/x", sha256="cd" * 32),
+    records.CommitRecord(),
+    records.SightingRecord(common_name="iqua-sparus2", last=NOW),
+    records.SupersedeRecord(common_name="iqua-sparus2", by="iqua-sparus2.2"),
+    records.RevocationRecord(common_name="iqua-sparus2", reason="lost"),
     records.RolledBack(common_names=("iqua-sparus2",)),
-    records.Settled(common_name="iqua-sparus2"),
-    records.Published(number=2, sha256="ef" * 32, next_update=YEAR, revoked=1),
-    records.Taken(serials=(2**158 + 3, 7)),
-    records.Resealed(sealed_by="vault"),
-    records.ClockTrusted(before=NOW),
+    records.SettlementRecord(common_name="iqua-sparus2"),
+    records.PublicationRecord(number=2, sha256="ef" * 32, next_update=YEAR, revoked=1),
+    records.TakeoverRecord(serials=(2**158 + 3, 7)),
+    records.ResealRecord(sealed_by="vault"),
+    records.ClockTrustRecord(before=NOW),
 )
 
 
@@ -126,14 +126,14 @@ def test_a_line_that_is_not_the_next_one_is_refused(tmp_path: Path) -> None:
         ([*lines[:2], b"\0" * 20 + b"\n"], 3, "its checksum is wrong"),
     ):
         path.write_bytes(b"".join(wrong))
-        with pytest.raises(LedgerDamaged, match=f"line {line} of the ledger is damaged: {why}") as damaged:
+        with pytest.raises(CorruptLedgerError, match=f"line {line} of the ledger is damaged: {why}") as damaged:
             Ledger(path)
         assert str(path) in str(damaged.value)
         assert len(read(path).entries) == line - 1
 
 
 def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
-    line = encode(LedgerEntry(1, NOW, "me", "op", records.Committed()), GENESIS)[:-19].replace(
+    line = encode(LedgerEntry(1, NOW, "me", "op", records.CommitRecord()), GENESIS)[:-19].replace(
         b"committed", b"teleported"
     )
     from binascii import crc32  # noqa: PLC0415 - a line that nobody writes
@@ -145,8 +145,8 @@ def test_a_line_of_a_newer_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_record_about_nobody_is_refused() -> None:
-    entry = LedgerEntry(7, NOW, "me", "op", records.Revoked(common_name="iqua-ghost", reason="lost"))
-    with pytest.raises(LedgerDamaged, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
+    entry = LedgerEntry(7, NOW, "me", "op", records.RevocationRecord(common_name="iqua-ghost", reason="lost"))
+    with pytest.raises(CorruptLedgerError, match="line 7 of the ledger is about 'iqua-ghost', which was never issued"):
         LedgerState([entry])
 
 
@@ -156,12 +156,12 @@ def test_a_torn_line_is_cut_wherever_it_was_torn(tmp_path: Path) -> None:
     both = whole(path, EVERY[0], ISSUED)
     for end in (len(first) + 1, *range(len(first) + 2, len(both) - 1, 11), len(both) - 1):
         path.write_bytes(both[:end])
-        assert read(path).torn
+        assert read(path).is_torn
         assert len(read(path).sound().entries) == 1
         with Ledger(path) as ledger:
             assert path.read_bytes() == first
-            ledger.write([records.Committed()], "me", "op", NOW)
-        assert [entry.record for entry in read(path).sound().entries] == [EVERY[0], records.Committed()]
+            ledger.write([records.CommitRecord()], "me", "op", NOW)
+        assert [entry.record for entry in read(path).sound().entries] == [EVERY[0], records.CommitRecord()]
 
 
 def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,17 +177,17 @@ def test_a_failed_write_is_taken_back_and_the_last_one(tmp_path: Path, monkeypat
     with Ledger(path) as ledger:
         with monkeypatch.context() as patch:
             patch.setattr(os, "write", short)
-            with pytest.raises(LedgerFailed, match=r"the ledger cannot be written: No space left on device \(.*ledger"):
+            with pytest.raises(LedgerError, match=r"the ledger cannot be written: No space left on device \(.*ledger"):
                 ledger.write([ISSUED], "me", "op", NOW)
         assert path.read_bytes() == before
         assert not ledger.usable
-        with pytest.raises(LedgerFailed):
+        with pytest.raises(LedgerError):
             ledger.write([ISSUED], "me", "op", NOW)
     assert path.read_bytes() == before
 
 
 def test_nobody_writes_to_the_auditor_s_terminal(tmp_path: Path) -> None:
-    data = first_lines([records.Committed()], "me\x1b[2J\n" + "x" * 500, "op", NOW)
+    data = first_lines([records.CommitRecord()], "me\x1b[2J\n" + "x" * 500, "op", NOW)
     (tmp_path / "ledger").write_bytes(data)
     who = read(tmp_path / "ledger").entries[0].who
     assert who.startswith("me?[2J?xx")
@@ -199,7 +199,7 @@ def test_one_wait_for_the_disk_for_a_batch(tmp_path: Path, monkeypatch: pytest.M
     synced: list[int] = []
     with Ledger(tmp_path / "ledger") as ledger:
         monkeypatch.setattr(os, "fsync", synced.append)
-        ledger.write([records.Committed()] * 500, "me", "op", NOW)
+        ledger.write([records.CommitRecord()] * 500, "me", "op", NOW)
         ledger.write([], "me", "op", NOW)
     assert len(synced) == 1
     assert len(read(tmp_path / "ledger").sound().entries) == len(EVERY) + 500

@@ -7,7 +7,15 @@ from authority_stand import POOL, stand, wish
 
 from atlantis_netcfg.vpn.authority.model import EnrolmentRequest
 from atlantis_netcfg.vpn.identity import MemberKind
-from atlantis_netcfg.vpn.names import LONGEST, RESERVED, NameRefused, NameTaken, check_free, check_name, member_name
+from atlantis_netcfg.vpn.names import (
+    LONGEST,
+    RESERVED_WORDS,
+    InvalidNameError,
+    NameTaken,
+    check_free,
+    check_name,
+    member_name,
+)
 
 LIKE = "a name has a to z, 0 to 9 and `-` between them, like sparus2"
 SAID = [
@@ -44,22 +52,22 @@ SAID = [
 
 @pytest.mark.parametrize(("text", "message", "hint"), SAID, ids=lambda value: ascii(value)[:20])
 def test_what_is_wrong_is_said_with_a_way_out(text: str, message: str, hint: str) -> None:
-    with pytest.raises(NameRefused) as refused:
+    with pytest.raises(InvalidNameError) as refused:
         check_name(text, "device")
     assert (str(refused.value), refused.value.hint) == (message, hint)
 
 
 @pytest.mark.parametrize("word", ["default", "server", "ip", "ip6", "tcp", "udp", "log", "set", "map", "fwd", "dup"])
 def test_words_of_openvpn_and_nft_are_reserved(word: str) -> None:
-    assert word in RESERVED
+    assert word in RESERVED_WORDS
 
 
 def test_partner_and_device_share_the_length() -> None:
     assert len(member_name("inesc", "a" * 42)) == LONGEST
-    with pytest.raises(NameRefused, match="has 49 characters: partner and device have 48 together") as refused:
+    with pytest.raises(InvalidNameError, match="has 49 characters: partner and device have 48 together") as refused:
         member_name("inesc", "a" * 43)
     assert refused.value.hint == f"device={'a' * 42}, for instance"
-    with pytest.raises(NameRefused) as refused:
+    with pytest.raises(InvalidNameError) as refused:
         member_name("a" * 48, "b")
     assert refused.value.hint == "take a shorter key for the partner"
 

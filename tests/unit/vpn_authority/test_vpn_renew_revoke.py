@@ -30,13 +30,13 @@ def on_list(made: Stand) -> set[str]:
 def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    assert made.authority.seen({"iqua-a": NOW}) == SessionObservation((), (), ())
+    assert made.authority.record_sessions({"iqua-a": NOW}) == SessionObservation((), (), ())
     with made.signing() as signer:
         renewed = signer.renew("iqua-a", made.deliver)
     assert renewed.certificate.common_name == "iqua-a.2"
     assert renewed.member.address == made.identities[0].member.address
     assert standings(made, "iqua-a") == {"iqua-a": "seen", "iqua-a.2": "issued"}
-    assert made.authority.seen({"iqua-a": NOW, "iqua-a.2": NOW, "nobody": NOW}) == SessionObservation(
+    assert made.authority.record_sessions({"iqua-a": NOW, "iqua-a.2": NOW, "nobody": NOW}) == SessionObservation(
         ("iqua-a",), ("nobody",), ()
     )
     assert standings(made, "iqua-a") == {"iqua-a": "superseded", "iqua-a.2": "seen"}
@@ -45,9 +45,9 @@ def test_a_successor_overlaps_and_takes_over_when_it_was_seen(tmp_path: Path) ->
         signer.publish()
     assert standings(made, "iqua-a") == {"iqua-a": "revoked", "iqua-a.2": "seen"}
     assert on_list(made) == {"iqua-a"}
-    assert made.authority.membership().queued == ("iqua-a",)
+    assert made.authority.membership().queued_names == ("iqua-a",)
     later = {"iqua-a": datetime.now(UTC) + timedelta(hours=1)}
-    assert made.authority.seen(later).withdrawn == ("iqua-a",)
+    assert made.authority.record_sessions(later).withdrawn == ("iqua-a",)
 
 
 def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
@@ -56,10 +56,10 @@ def test_a_successor_that_was_never_seen_is_replaced(tmp_path: Path) -> None:
     for number in (2, 3, 4):
         with made.signing() as signer:
             renewed = signer.renew("iqua-a", made.deliver)
-        assert renewed.replaced == (() if number == 2 else (f"iqua-a.{number - 1}",))
+        assert renewed.replaced_names == (() if number == 2 else (f"iqua-a.{number - 1}",))
         assert [one.common_name for one in renewed.member.good] == ["iqua-a", f"iqua-a.{number}"]
     assert on_list(made) == {"iqua-a.2", "iqua-a.3"}
-    assert made.authority.membership().queued == ("iqua-a.2", "iqua-a.3")
+    assert made.authority.membership().queued_names == ("iqua-a.2", "iqua-a.3")
 
 
 def test_a_renewal_changes_what_it_is_told_to(tmp_path: Path) -> None:
@@ -108,11 +108,11 @@ def test_a_revocation_takes_all_certificates_and_says_so_again(tmp_path: Path) -
     assert first.crl == again.crl == made.authority.crl()
     membership = made.authority.membership()
     assert membership.crl_number == number + 1
-    assert membership.queued == first.common_names
+    assert membership.queued_names == first.common_names
     assert {one.reason for one in membership.members["iqua-a"].certificates} == {"lost at sea"}
     assert on_list(made) == set(first.common_names)
-    made.authority.settled(["iqua-a", "iqua-a.2", "iqua-c", "nobody"])
-    assert made.authority.membership().queued == ("iqua-b",)
+    made.authority.confirm_revocations(["iqua-a", "iqua-a.2", "iqua-c", "nobody"])
+    assert made.authority.membership().queued_names == ("iqua-b",)
     assert made.authority.check() == []
 
 
@@ -136,12 +136,12 @@ def test_a_revoked_member_is_not_renewed(tmp_path: Path) -> None:
 def test_sightings_are_recorded_once_a_day(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    made.authority.seen({"iqua-a": NOW})
+    made.authority.record_sessions({"iqua-a": NOW})
     before = (made.folder / "ledger.jsonl").read_bytes()
-    made.authority.seen({"iqua-a": NOW + timedelta(hours=23), "nobody": NOW})
-    made.authority.seen({})
+    made.authority.record_sessions({"iqua-a": NOW + timedelta(hours=23), "nobody": NOW})
+    made.authority.record_sessions({})
     assert (made.folder / "ledger.jsonl").read_bytes() == before
-    made.authority.seen({"iqua-a": NOW + timedelta(hours=24)})
+    made.authority.record_sessions({"iqua-a": NOW + timedelta(hours=24)})
     (certificate,) = made.authority.membership().members["iqua-a"].certificates
     assert (certificate.standing, certificate.seen) == (
         CertificateStatus.SEEN,
@@ -153,12 +153,12 @@ KNOWN = ("iqua-a", "iqua-b")
 AFTER = st.sampled_from(KNOWN).flatmap(
     lambda name: st.sampled_from(
         (
-            records.Delivered(common_name=name, path="x", sha256="00"),
-            records.Seen(common_name=name, last=NOW),
-            records.Superseded(common_name=name, by="other"),
-            records.Revoked(common_name=name, reason="lost"),
+            records.DeliveryRecord(common_name=name, path="x", sha256="00"),
+            records.SightingRecord(common_name=name, last=NOW),
+            records.SupersedeRecord(common_name=name, by="other"),
+            records.RevocationRecord(common_name=name, reason="lost"),
             records.RolledBack(common_names=(name,)),
-            records.Settled(common_name=name),
+            records.SettlementRecord(common_name=name),
         )
     )
 )
@@ -170,7 +170,7 @@ def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) 
     withdrawn: set[str] = set()
     for record in after:
         fold.apply(LedgerEntry(9, NOW, "me", "op", record))
-        if isinstance(record, records.Revoked):
+        if isinstance(record, records.RevocationRecord):
             withdrawn.add(record.common_name)
         if isinstance(record, records.RolledBack):
             withdrawn.update(set(record.common_names) - fold.delivered.keys())
@@ -178,8 +178,8 @@ def test_nothing_brings_a_revoked_certificate_back(after: list[records.Record]) 
         assert good <= fold.delivered.keys() - withdrawn
 
 
-def issued(name: str) -> records.Issued:
-    return records.Issued(
+def issued(name: str) -> records.IssueRecord:
+    return records.IssueRecord(
         name=name,
         device_kind=MemberKind.ROBOT,
         partner="iqua",
@@ -201,13 +201,13 @@ def issued(name: str) -> records.Issued:
 def test_a_file_that_is_handed_over_again_is_recorded(tmp_path: Path) -> None:
     made = stand(tmp_path)
     made.issue("a")
-    made.authority.delivered("iqua-a", HandoutFile("elsewhere", "00"))
+    made.authority.record_delivery("iqua-a", HandoutFile("elsewhere", "00"))
     last = made.authority.handed_out("iqua-a")
     assert last is not None
     assert last.path == "elsewhere"
     with made.signing() as signer:
-        assert signer.issue([wish("a")], made.deliver)[0].delivered == HandoutFile("elsewhere", "00")
+        assert signer.issue([wish("a")], made.deliver)[0].file == HandoutFile("elsewhere", "00")
         signer.revoke(["iqua-a"], "lost")
     for name in ("iqua-a", "nobody"):
         with pytest.raises(UsageError, match=f"`{name}` is no certificate in use"):
-            made.authority.delivered(name, HandoutFile("x", "00"))
+            made.authority.record_delivery(name, HandoutFile("x", "00"))

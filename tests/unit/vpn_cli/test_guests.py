@@ -23,7 +23,7 @@ from atlantis_netcfg.inventory import load
 from atlantis_netcfg.inventory.model import Guest
 from atlantis_netcfg.operations import guests
 from atlantis_netcfg.operations.common import inventory_files
-from atlantis_netcfg.operations.vpn.server import Deployed
+from atlantis_netcfg.operations.vpn.server import DeployResult
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import RevocationResult
 from atlantis_netcfg.vpn.enrolment_package import open_handout
@@ -125,7 +125,7 @@ def test_from_nothing_to_a_signed_checklist_and_away_again(quay: Quay) -> None:
     assert quay.files() == before
     assert list((quay.folder / "vpn" / "handouts").iterdir()) == []
     (member,) = guests.members_of(quay.authority, "lauv")
-    assert (member.good, quay.authority.membership().queued) == ((), ("udg-lauv",))
+    assert (member.good, quay.authority.membership().queued_names) == ((), ("udg-lauv",))
     assert quay.authority.check() == []
 
 
@@ -339,18 +339,18 @@ class Told:
     def hold(self, authority: Authority, notify: Subscriber) -> None:
         """It knows nothing that the record does not."""
 
-    def published(self, notify: Subscriber) -> bytes:
+    def get_crl(self, notify: Subscriber) -> bytes:
         raise NotImplementedError
 
-    def deploy(self, authority: Authority, notify: Subscriber) -> Deployed:  # noqa: ARG002 - of the protocol
-        return Deployed(("the server has it",))
+    def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - of the protocol
+        return DeployResult(("the server has it",))
 
-    def cut(self, authority: Authority, revoked: RevocationResult, notify: Subscriber) -> Deployed:  # noqa: ARG002
-        self.cuts.append(revoked.common_names)
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002
+        self.cuts.append(revocation.common_names)
         if self.away:
-            return Deployed(errors=(OutcomeUnknown("the server does not answer"),), deployed=False)
-        authority.settled(revoked.common_names)
-        return Deployed(("no session of udg-lauv",))
+            return DeployResult(errors=(OutcomeUnknown("the server does not answer"),), is_deployed=False)
+        authority.confirm_revocations(revocation.common_names)
+        return DeployResult(("no session of udg-lauv",))
 
 
 def test_the_server_is_told_and_a_repeat_tells_it_again_until_it_answers(

@@ -25,7 +25,7 @@ from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import Declaration
 from atlantis_netcfg.operations.computers._watch import ComputerResult
 from atlantis_netcfg.operations.vpn import router
-from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
+from atlantis_netcfg.operations.vpn.server import DeployResult, NoPush
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.client import openvpn_client
 from atlantis_netcfg.vpn.server import ccd, live_files, openvpn_server
@@ -112,7 +112,7 @@ def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], mon
     """A laptop with an authority, on which plays go to a stand-in and a person types the passphrase."""
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path))
     shutil.copytree(founded(base) / "vpn", tmp_path / "vpn")
-    monkeypatch.setattr(_common, "declared", lambda _arguments: real())
+    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: real())
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr(getpass, "getpass", lambda _question: PASSPHRASE)
     made = Laptop(tmp_path, capsys, monkeypatch)
@@ -160,7 +160,7 @@ def gone_later(at: Laptop) -> str:
 
 
 def stopped(at: Laptop) -> str:
-    def stop(*_: object) -> Deployed:
+    def stop(*_: object) -> DeployResult:
         raise KeyboardInterrupt
 
     with at.monkeypatch.context() as patch:
@@ -173,7 +173,7 @@ def moved(at: Laptop) -> str:
     pilot = real().pilot
     vpn = pilot.vpn.model_copy(update={"endpoint_name": "tunnel.atlantis.internal"})
     changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
-    at.monkeypatch.setattr(_common, "declared", lambda _arguments: changed)
+    at.monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
     return at.type("vpn", "init", code=3)
 
 
@@ -236,7 +236,7 @@ def with_vpn(at: Laptop, **values: object) -> None:
     pilot = real().pilot
     vpn = pilot.vpn.model_copy(update=values)
     changed = replace(real(), pilot=pilot.model_copy(update={"vpn": vpn}))
-    at.monkeypatch.setattr(_common, "declared", lambda _arguments: changed)
+    at.monkeypatch.setattr(_common, "load_declaration", lambda _arguments: changed)
 
 
 def a_shared_key_that_ends(at: Laptop) -> str:
@@ -263,13 +263,13 @@ def no_such_member(at: Laptop) -> str:
 
 def of_the_signer(at: Laptop, act: Callable[[Any], object]) -> str:
     at.type(*LAPTOP)
-    with at.authority.unlocked(lambda: Secret(PASSPHRASE), "test") as signer:
+    with at.authority.unlock(lambda: Secret(PASSPHRASE), "test") as signer:
         return refused(lambda: act(signer))
 
 
 def no_certificate(at: Laptop) -> str:
     at.type(*LAPTOP)
-    return refused(lambda: at.authority.delivered("qqq", None))  # type: ignore[arg-type] # refused before it is read
+    return refused(lambda: at.authority.record_delivery("qqq", None))  # type: ignore[arg-type] # refused before it is read
 
 
 def an_identity_that_has_ended(at: Laptop) -> str:
@@ -303,12 +303,12 @@ def a_list_of_another(at: Laptop) -> str:
 
 def of_an_older_copy(at: Laptop) -> str:
     at.type(*LAPTOP)
-    new, old = (vpn_server.Crl(signed=True, number=number, begins=0, ends=10) for number in (3, 4))
+    new, old = (vpn_server.Crl(is_signed=True, number=number, begins=0, ends=10) for number in (3, 4))
     return refused(lambda: vpn_server.accept(new, old, 5.0))
 
 
 def by_the_servers_clock(at: Laptop) -> str:
-    new = vpn_server.Crl(signed=True, number=9, begins=0, ends=10)
+    new = vpn_server.Crl(is_signed=True, number=9, begins=0, ends=10)
     assert at.authority.membership().crl_number >= 1
     return refused(lambda: vpn_server.accept(new, None, 20.0))
 

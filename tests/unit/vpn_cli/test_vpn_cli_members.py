@@ -17,7 +17,7 @@ from atlantis_netcfg.cli.vpn import _common
 from atlantis_netcfg.core.paths import checkout
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.vpn.server import Deployed, NoPush
+from atlantis_netcfg.operations.vpn.server import DeployResult, NoPush
 from atlantis_netcfg.vpn.enrolment_package import open_handout
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 
@@ -132,7 +132,7 @@ def test_the_one_time_passphrase_is_printed_once_and_opens_the_file(desk: Desk) 
 def test_who_stops_it_while_the_server_is_asked_keeps_the_passphrase(
     desk: Desk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def stopped(*_: object) -> Deployed:
+    def stopped(*_: object) -> DeployResult:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(NoPush, "deploy", stopped)
@@ -284,7 +284,7 @@ def test_a_server_by_another_name_gets_a_certificate_once(
     assert not desk.told("sync", "--sign", passphrase=PASSPHRASE)["server_certificate"]
     assert (desk.authority / "server" / "server.crt").read_bytes() == before
 
-    monkeypatch.setattr(_common, "declared", lambda _: moved)
+    monkeypatch.setattr(_common, "load_declaration", lambda _: moved)
     code, _, said = desk.type("init", passphrase=PASSPHRASE)
     assert (code, f"`provision vpn sync --sign authority={desk.authority}` makes a certificate for it" in said) == (
         3,

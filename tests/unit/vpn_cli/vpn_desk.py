@@ -107,4 +107,4 @@ def declared() -> Declaration:
 
 def reading_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no command line read the inventory's files again."""
-    monkeypatch.setattr(_common, "declared", lambda _arguments: declared())
+    monkeypatch.setattr(_common, "load_declaration", lambda _arguments: declared())

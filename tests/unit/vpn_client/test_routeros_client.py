@@ -9,7 +9,7 @@ import pytest
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.emulator.routeros import Device, RouterSpec, User
-from atlantis_netcfg.emulator.routeros.certificates import OvpnRefused, read_ovpn
+from atlantis_netcfg.emulator.routeros.certificates import OvpnError, read_ovpn
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.vpn import routeros
@@ -92,7 +92,7 @@ def test_the_script_makes_a_member_and_leaves_no_key_in_a_file(version: str, pil
             assert f"={value}" in row
         for value in (f"cipher={vpn.cipher}", f"protocol={vpn.transport}", "certificate=cert_ovpn-import"):
             assert f"={value}" in row
-        assert theirs.device.wrapped("ovpn-atlantis")
+        assert theirs.device.is_wrapped("ovpn-atlantis")
 
 
 def test_on_an_older_version_the_script_fails_and_leaves_no_key_in_a_file() -> None:
@@ -152,7 +152,7 @@ WRAP = "<tls-crypt>\nkey\n</tls-crypt>\n"
     ],
 )
 def test_a_router_takes_no_other_file(text: str, words: str) -> None:
-    with pytest.raises(OvpnRefused, match=f"^{words}$"):
+    with pytest.raises(OvpnError, match=f"^{words}$"):
         read_ovpn(text, wraps=True)
 
 

@@ -87,7 +87,7 @@ class TestSealing:
             open_handout(made.data, Secret(str(pyrage.x25519.Identity.generate())))
 
     def test_for_a_key_that_is_none(self, declaration: Declaration) -> None:
-        with pytest.raises(pki.RecipientRefused):
+        with pytest.raises(pki.InvalidRecipientError):
             handout(declaration, identity(), Recipient("age1nonsense"), contact=CONTACT)
 
     @pytest.mark.parametrize(

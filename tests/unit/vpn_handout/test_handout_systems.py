@@ -145,7 +145,7 @@ def test_the_shell_reads_install_sh(kind: str, declaration: Declaration) -> None
 def test_the_language_of_the_page_is_said_to_browsers(
     declaration: Declaration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(language, "_chosen", language.Language.PORTUGUESE)
+    monkeypatch.setattr(language, "_current_language", language.Language.PORTUGUESE)
     told = contents(declaration, identity(), contact=CONTACT)
     assert '<html lang="pt">' in told["README.html"]
     assert json.loads(told["self-test.json"])["name"] == "inesc-laptop1"

@@ -25,7 +25,7 @@ WANTED = (
     File(FIREWALL, "a ruleset\n"),
 )
 ROLL = MembershipList({}, 4, "", NOW, ())
-CRL = Crl(4, NOW - timedelta(days=1), NOW + timedelta(days=80), signed=True)
+CRL = Crl(4, NOW - timedelta(days=1), NOW + timedelta(days=80), is_signed=True)
 FILES = {file.path: hashlib.sha256(file.content.encode()).hexdigest() for file in WANTED}
 SOUND = ServerState(
     ready=True,
@@ -42,7 +42,7 @@ SOUND = ServerState(
     is_live=True,
     why="",
     at=NOW,
-    seen={},
+    last_sessions={},
     clock=NOW,
     clock_ahead_s=0.2,
 )
@@ -60,7 +60,7 @@ CASES: dict[str, dict[str, Any]] = {
     "changed by hand": {"files": {**FILES, f"{CCD}/iqua-d0": "00"}},
     "a stranger": {"files": {**FILES, f"{CCD}/x": "00"}},
     "no list": {"crl": None},
-    "another's list": {"crl": replace(CRL, signed=False)},
+    "another's list": {"crl": replace(CRL, is_signed=False)},
     "older": {"crl": replace(CRL, number=3), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
     "newer": {"crl": replace(CRL, number=5), "files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
     "same number, other list": {"files": {**FILES, f"{FOLDER}/crl.pem": "00"}},
@@ -154,12 +154,12 @@ def test_an_answer_of_another_kind_is_told_in_words(name: str, kind: Any) -> Non
 def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> None:
     whole: dict[str, Any] = {"out": True, "dead": True, "left": [], "told": []}
     evidence = live.RevocationEvidence((), (), {}, out=False, dead=False, left=(), notes=())
-    assert live.verify(Told("verify", **whole), evidence).confirmed
+    assert live.verify(Told("verify", **whole), evidence).is_confirmed
     wrongs: tuple[Any, ...] = ("no", 1, {})
     for wrong in wrongs:
         with suppress(AnswerLost):
             told = live.verify(Told("verify", **{**whole, lacks: wrong}), evidence)
-            assert told.confirmed == (lacks not in {"out", "dead"})
+            assert told.is_confirmed == (lacks not in {"out", "dead"})
     whole.pop(lacks)
     with pytest.raises(AnswerLost):
         live.verify(Told("verify", **whole), evidence)
@@ -177,5 +177,5 @@ def test_nothing_but_a_whole_answer_says_that_somebody_is_dead(lacks: str) -> No
 def test_what_a_server_has_noted_is_read_with_care(seen: Any, names: set[str]) -> None:  # noqa: ANN401 - JSON
     told = Told(**{**LOOKED, "seen": seen})
     state = observe(told)
-    assert state.seen.keys() == names
+    assert state.last_sessions.keys() == names
     assert (state.is_live, state.active, state.crl) == (False, None, None)

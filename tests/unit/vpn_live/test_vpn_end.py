@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, cast
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_disconnect
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_disconnect import (
     Ending,
     Unheard,
     peer,
 )
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
-    Closed,
+    ConnectionEnd,
     Down,
     ManagementBusy,
 )
@@ -66,13 +66,13 @@ class OpenVpn:
             self.sessions_there.append(session(gone["cid"] + 1, gone["common_name"], REAL))
         return "SUCCESS: killed"
 
-    def run(self, words: list[str]) -> Done:
+    def run(self, words: list[str]) -> ProgramResult:
         if words[1].startswith("delete"):
             self.acts.append("heard again")
         else:
             rules = [line for line in words[1].splitlines() if line.startswith("ip saddr")]
             self.acts.append("unheard: " + "; ".join(rules))
-        return Done(self.nft, "Error: no such thing" if self.nft else "")
+        return ProgramResult(self.nft, "Error: no such thing" if self.nft else "")
 
 
 def session(cid: int, name: str, real: str = REAL, virtual: str = "10.80.17.1") -> dict[str, Any]:
@@ -145,7 +145,7 @@ def test_who_is_heard_still_is_not_killed(server: OpenVpn, told: list[str], monk
     assert ending.messages == told
 
 
-@pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (Closed, "held"), (Down, "down")])
+@pytest.mark.parametrize(("asking", "does"), [(ManagementBusy, "held"), (ConnectionEnd, "held"), (Down, "down")])
 def test_what_goes_on_meanwhile_is_done_in_any_case(asking: type[Exception], does: str) -> None:
     server = OpenVpn(asking=asking)
     ending = end(server)

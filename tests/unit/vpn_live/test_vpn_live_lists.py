@@ -30,7 +30,7 @@ def listed(number: int = 7, ca: pki.Ca = CA, at: datetime = NOW, days: int = 90)
 def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
     found = read(tmp_path, listed())
     assert found is not None
-    assert (found.number, found.signed) == (7, True)
+    assert (found.number, found.is_signed) == (7, True)
     assert found.ends - found.begins == timedelta(days=90).total_seconds()
     assert abs(found.begins - NOW.timestamp()) <= timedelta(days=2).total_seconds()
     assert vpn_server.accept(found, None, NOW.timestamp()) == found
@@ -41,7 +41,7 @@ def test_a_list_is_read_as_openssl_reads_it(tmp_path: Path) -> None:
 def test_a_list_of_another_authority_is_known(tmp_path: Path, ca: pki.Ca) -> None:
     found = read(tmp_path, listed(ca=ca))
     assert found is not None
-    assert not found.signed
+    assert not found.is_signed
     with pytest.raises(ModuleError, match="of another authority"):
         vpn_server.accept(found, None, NOW.timestamp())
 

@@ -11,14 +11,14 @@ import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import vpn_management
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.vpn_management import (
-    Closed,
+    ConnectionEnd,
     Down,
+    IncompleteStatus,
     ManagementBusy,
     ManagementSocket,
-    Torn,
-    opened,
+    open_socket,
+    parse_status_time,
     sessions,
-    written,
 )
 
 GREETING = ">INFO:OpenVPN Management Interface Version 5 -- type 'help' for more info\r\n"
@@ -88,7 +88,7 @@ def test_a_conversation(single: bool, notices: str) -> None:  # noqa: FBT001 - a
         notices + "ERROR: client at address 192.0.2.7:40000 not found\r\n",
     )
     with served(*replies, single=single) as (management, heard):
-        management.greeted()
+        management.wait_for_greeting()
         assert management.sessions() == [SESSION]
         assert management.halt(7) == "SUCCESS: client-kill command succeeded"
         assert management.kill("192.0.2.7:40000").startswith("ERROR: ")
@@ -112,11 +112,11 @@ def test_who_is_connected_and_not_served_hears_nothing(tmp_path: Path) -> None:
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind(path)
         server.listen(1)
-        with opened(path, 0.05) as management, pytest.raises(ManagementBusy, match=r"silent for 0\.05 s"):
-            management.greeted()
-    with pytest.raises(Down, match="nobody listens"), opened(path, 0.05):
+        with open_socket(path, 0.05) as management, pytest.raises(ManagementBusy, match=r"silent for 0\.05 s"):
+            management.wait_for_greeting()
+    with pytest.raises(Down, match="nobody listens"), open_socket(path, 0.05):
         pass
-    with pytest.raises(Down, match="nobody listens"), opened(str(tmp_path / "none"), 0.05):
+    with pytest.raises(Down, match="nobody listens"), open_socket(str(tmp_path / "none"), 0.05):
         pass
 
 
@@ -128,7 +128,7 @@ def test_a_full_backlog_is_silence_too(tmp_path: Path) -> None:
         server.listen(0)
         waiting = stack.enter_context(closing(socket.socket(socket.AF_UNIX)))
         waiting.connect(path)
-        with pytest.raises(ManagementBusy, match="takes no connection"), opened(path, 0.05):
+        with pytest.raises(ManagementBusy, match="takes no connection"), open_socket(path, 0.05):
             pass
 
 
@@ -139,7 +139,7 @@ def test_a_path_that_is_too_long_for_a_socket(tmp_path: Path, monkeypatch: pytes
     with closing(socket.socket(socket.AF_UNIX)) as server:
         server.bind("s")
         server.listen(1)
-        with opened(str(folder / "s"), 1):
+        with open_socket(str(folder / "s"), 1):
             pass
     assert vpn_management._short("/run/s") == "/run/s"
 
@@ -147,15 +147,15 @@ def test_a_path_that_is_too_long_for_a_socket(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize("replies", [(), (STATUS[:200],), (NOTICES,)], ids=["at once", "in a reply", "before a reply"])
 def test_a_server_that_ends_is_told(replies: tuple[str, ...]) -> None:
     with served(*replies) as (management, _):
-        management.greeted()
-        with pytest.raises(Closed, match="closed its management socket"):
+        management.wait_for_greeting()
+        with pytest.raises(ConnectionEnd, match="closed its management socket"):
             management.sessions()
 
 
 def test_a_server_that_does_not_tell_its_status() -> None:
     with served("ERROR: unknown command\r\n") as (management, _):
-        management.greeted()
-        with pytest.raises(Closed, match="unknown command"):
+        management.wait_for_greeting()
+        with pytest.raises(ConnectionEnd, match="unknown command"):
             management.sessions()
 
 
@@ -168,7 +168,11 @@ def test_columns_are_found_by_their_names() -> None:
     lines = [header, row, "END"]
     assert sessions(lines) == [SESSION]
     assert sessions([HEADER, "END"]) == []
-    assert (written(STATUS.splitlines()), written([]), written(["TIME\tx"])) == (1795330800, 0, 0)
+    assert (parse_status_time(STATUS.splitlines()), parse_status_time([]), parse_status_time(["TIME\tx"])) == (
+        1795330800,
+        0,
+        0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -185,5 +189,5 @@ def test_columns_are_found_by_their_names() -> None:
     ],
 )
 def test_half_a_status_is_none(lines: list[str], words: str) -> None:
-    with pytest.raises(Torn, match=words):
+    with pytest.raises(IncompleteStatus, match=words):
         sessions(lines)

@@ -8,8 +8,8 @@ from ansible.plugins.connection.ssh import Connection
 
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.operations.computers.remote_session import (
-    _KEPT,
-    HostKeyChanged,
+    _SSH_OPTIONS,
+    HostKeyMismatch,
     ServerAway,
     control_path,
     ssh_command,
@@ -31,7 +31,7 @@ def test_the_options_are_those_of_ansible(monkeypatch: pytest.MonkeyPatch, tmp_p
     monkeypatch.delenv("ANSIBLE_SSH_ARGS", raising=False)
     settings = configparser.ConfigParser(comment_prefixes=(";", "#"))
     settings.read(Path(__file__).parents[3] / "ansible.cfg")
-    assert settings["ssh_connection"]["ssh_args"] == _KEPT
+    assert settings["ssh_connection"]["ssh_args"] == _SSH_OPTIONS
     words = list(ssh_command(ACCESS))
     assert words[:2] == ["ssh", "-T"]
     assert words[-3:] == ["-p", "2222", "tech@192.0.2.10"]
@@ -68,7 +68,7 @@ def test_the_connection_that_ansible_keeps_is_shared(monkeypatch: pytest.MonkeyP
         (
             255,
             "@ WARNING: REMOTE HOST IDENTIFICATION HAS CHANGED! @\nHost key verification failed.\n",
-            HostKeyChanged,
+            HostKeyMismatch,
             "it shows another SSH host key than before",
             "ssh-keygen -R scc-vpn",
         ),

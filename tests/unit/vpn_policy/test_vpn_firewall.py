@@ -16,7 +16,7 @@ from policy_pilots import MEMBERS, MINE, TIME, member, membership, pilot
 
 from atlantis_netcfg.inventory.model import VpnService
 from atlantis_netcfg.vpn.identity import MemberKind
-from atlantis_netcfg.vpn.policy import ADMITTED, TABLE, Flow, Party, Policy, Protocol, firewall, policy
+from atlantis_netcfg.vpn.policy import MEMBERS_SET, TABLE, Flow, Party, Policy, Protocol, firewall, policy
 
 SERVER = "10.80.0.1"
 TUNNEL = {
@@ -217,8 +217,8 @@ def test_an_address_leaves_the_set_of_members_alone() -> None:
         member(f"inesc-{last}", f"10.80.16.{last}", kind=MemberKind.LAPTOP, partner="inesc") for last in range(1, 7)
     ]
     text = firewall(pilot(), membership(*neighbours))
-    delete = f"nft delete element inet {TABLE} {ADMITTED} {{ 10.80.16.3 }}"
-    said = nft(text, delete, "&& nft list set inet", TABLE, ADMITTED)
+    delete = f"nft delete element inet {TABLE} {MEMBERS_SET} {{ 10.80.16.3 }}"
+    said = nft(text, delete, "&& nft list set inet", TABLE, MEMBERS_SET)
     assert re.findall(r"10\.80\.16\.\d+(?:-[\d.]+)?", said) == [f"10.80.16.{last}" for last in (1, 2, 4, 5, 6)]
 
 

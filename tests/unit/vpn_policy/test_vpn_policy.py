@@ -192,7 +192,7 @@ def test_what_goes_when_a_member_goes(matrix: Policy) -> None:
     networks = ("10.80.0.11/32", "10.64.1.0/24", "10.64.101.0/24")
     assert matrix.members[ROUTER] == tuple(map(IPv4Network, networks))
     assert {"iqua-lost", "gone-laptop"}.isdisjoint(matrix.members)
-    assert set(matrix.admitted.networks) == {one for networks in matrix.members.values() for one in networks}
+    assert set(matrix.member_zone.networks) == {one for networks in matrix.members.values() for one in networks}
 
 
 def test_a_partners_device_that_is_called_like_a_router_brings_no_network() -> None:
@@ -218,7 +218,7 @@ def test_names_of_partners_and_of_our_own_zones_never_meet(matrix: Policy) -> No
 
 def test_nobody_is_in_an_empty_roll() -> None:
     found = policy(pilot(), membership())
-    assert found.admitted.networks == ()
+    assert found.member_zone.networks == ()
     assert not found.allows(party("A"), party("C"), PING)
     assert found.allows(party("E"), party("S"), SSH), "the server's own LAN is not the tunnel's business"
     assert CENTRE in pilot().hosts

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.errors import ModuleError
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import Done
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.programs import ProgramResult
 from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.modules.minimum_version import Branch, Floor, hold
 from atlantis_netcfg.vpn.server import FLOOR, IS_CURRENT
 
@@ -23,12 +23,16 @@ DECLARED = Floor(
 def held(upstream: str, package: str = "", **how: bool) -> str:
     """The program tells `upstream`, dpkg the package; versions are compared by the real dpkg."""
 
-    def run(words: list[str]) -> Done:
+    def run(words: list[str]) -> ProgramResult:
         if words[0] == DECLARED.program:
-            return Done(0, f"OpenVPN {upstream} x86_64-pc-linux-gnu [SSL (OpenSSL)]\n") if upstream else Done(127, "")
+            return (
+                ProgramResult(0, f"OpenVPN {upstream} x86_64-pc-linux-gnu [SSL (OpenSSL)]\n")
+                if upstream
+                else ProgramResult(127, "")
+            )
         if words[0] == "dpkg-query":
-            return Done(0, package) if package else Done(1, "no packages found")
-        return Done(subprocess.run(words, check=False).returncode, "")
+            return ProgramResult(0, package) if package else ProgramResult(1, "no packages found")
+        return ProgramResult(subprocess.run(words, check=False).returncode, "")
 
     return hold(DECLARED, run=run, **how)
 

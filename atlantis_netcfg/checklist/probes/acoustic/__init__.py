@@ -41,7 +41,7 @@ from atlantis_netcfg.checklist.probes.acoustic.status import (
     level_words,
     plain,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Question, Step, Transcript
+from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Listen, ProbeResult, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
@@ -58,7 +58,7 @@ _HIGHEST = (2, 6, 14, 30, 62, 126, 254)
 _PACKET_MS = (50, 1000)
 _CARRIERS = ((0, 1), (1, 0), (2, 2))
 """Waveform ids that hear each other."""
-_LISTED = ("Local Address", "Highest Address", "Carrier Waveform ID", "Packet Time")
+_COMPARED_SETTINGS = ("Local Address", "Highest Address", "Carrier Waveform ID", "Packet Time")
 _PHY = "ATI1"
 
 
@@ -69,7 +69,7 @@ class ModemMember:
     name: str
     """The row in words."""
     question: Listen
-    declared: int | None
+    expected_address: int | None
     """Acoustic address or beacon number; None: nobody declares it."""
 
 
@@ -95,14 +95,17 @@ def _not_compared(names: Iterable[str], result: int) -> Iterator[BearerFinding]:
 
 def _strangers(members: tuple[ModemMember, ...], addresses: Mapping[str, int]) -> Iterator[BearerFinding]:
     for member in members:
-        address = addresses.get(member.name, member.declared)
-        if member.declared is not None and address != member.declared:
-            message = f"a modem with the address {address} answers for {member.name}, and {member.declared} is declared"
+        address = addresses.get(member.name, member.expected_address)
+        if member.expected_address is not None and address != member.expected_address:
+            message = (
+                f"a modem with the address {address} answers for {member.name}, "
+                f"and {member.expected_address} is declared"
+            )
             hint = "settle the item of that modem itself first, and check again"
             yield BearerFinding(Verdict.INCONCLUSIVE, "not-compared", f"{message}: its own is not compared", hint)
 
 
-def _listed(values: Mapping[str, object]) -> str:
+def _join_values(values: Mapping[str, object]) -> str:
     return ", ".join(f"{name} {value}" for name, value in values.items())
 
 
@@ -110,7 +113,7 @@ def _same(
     what: str, code: str, values: Mapping[str, Hashable], hint: str, *, verdict: Verdict
 ) -> Iterator[BearerFinding]:
     if len(set(values.values())) > 1:
-        yield BearerFinding(verdict, code, f"the modems differ in their {what}: {_listed(values)}", hint)
+        yield BearerFinding(verdict, code, f"the modems differ in their {what}: {_join_values(values)}", hint)
 
 
 def _unique(what: str, values: Mapping[str, int]) -> Iterator[BearerFinding]:
@@ -132,27 +135,27 @@ class EvologicsFleet:
         """The same scripts as the items of the modems themselves."""
         return _requests(self.members)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Compare what `AT&V` told."""
         readings = {member.name: AcousticReading.of(_transcript(member, results)) for member in self.members}
         result = {
-            name: {expected: value for expected in _LISTED if (value := reading.setting(expected)) is not None}
+            name: {key: value for key in _COMPARED_SETTINGS if (value := reading.setting(key)) is not None}
             for name, reading in readings.items()
         }
-        whole = {name: values for name, values in result.items() if len(values) == len(_LISTED)}
+        whole = {name: values for name, values in result.items() if len(values) == len(_COMPARED_SETTINGS)}
         findings = [*_not_compared((name for name in readings if name not in whole), len(whole))]
         if len(whole) > 1:
-            findings += self._compared(whole, readings)
+            findings += self._compare(whole, readings)
         findings += _strangers(self.members, {name: values["Local Address"] for name, values in whole.items()})
         evidence = tuple(
-            Evidence(type=EvidenceType.READ, what=name, value=_listed(values)) for name, values in whole.items()
+            Evidence(type=EvidenceType.READ, what=name, value=_join_values(values)) for name, values in whole.items()
         )
-        return Judged(tuple(findings) or (_agree(whole),), evidence)
+        return ProbeResult(tuple(findings) or (_agree(whole),), evidence)
 
-    def _compared(
+    def _compare(
         self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, AcousticReading]
     ) -> Iterator[BearerFinding]:
-        of = {expected: {name: values[expected] for name, values in result.items()} for expected in _LISTED}
+        of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
         yield from _unique("acoustic address", of["Local Address"])
         hint = "have the crews set the same highest address on all modems: " + ", ".join(map(str, _HIGHEST))
         yield from _same(
@@ -161,20 +164,20 @@ class EvologicsFleet:
         yield from _wrong("highest address", "highest-address", of["Highest Address"], _HIGHEST, hint)
         hint = "have the crews set the same packet time on all modems, between 50 and 1000 ms"
         yield from _same("packet time (ms)", "packet-time-differs", of["Packet Time"], hint, verdict=Verdict.FAIL)
-        allowed = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
-        yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed, hint)
+        allowed_range = range(_PACKET_MS[0], _PACKET_MS[1] + 1)
+        yield from _wrong("packet time (ms)", "packet-time", of["Packet Time"], allowed_range, hint)
         yield from _carriers(of["Carrier Waveform ID"])
-        words = {name: evologics.answer(readings[name].received, _PHY) for name in result}
+        words = {name: evologics.answer(readings[name].replies, _PHY) for name in result}
         hint = "compare the models on the modems' labels: only modems of the same frequency band hear each other"
-        known = {name: word for name, word in words.items() if word}
-        yield from _same("physical layer", "band-differs", known, hint, verdict=Verdict.WARN)
+        physical_layers = {name: word for name, word in words.items() if word}
+        yield from _same("physical layer", "band-differs", physical_layers, hint, verdict=Verdict.WARN)
 
 
 def _wrong(
-    what: str, code: str, values: Mapping[str, int], allowed: range | tuple[int, ...], hint: str
+    what: str, code: str, values: Mapping[str, int], allowed_values: range | tuple[int, ...], hint: str
 ) -> Iterator[BearerFinding]:
     for name, value in values.items():
-        if value not in allowed:
+        if value not in allowed_values:
             yield BearerFinding(Verdict.FAIL, code, f"the {what} of {name} is {value}, which modems do not have", hint)
 
 
@@ -205,7 +208,7 @@ class SeatracFleet:
         """The same scripts as the items of the beacons themselves."""
         return _requests(self.members)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Compare their settings."""
         beacons = {member.name: Beacon.of(_transcript(member, results)).settings for member in self.members}
         values = {name: settings for name, settings in beacons.items() if settings is not None}
@@ -224,9 +227,9 @@ class SeatracFleet:
             Evidence(type=EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}")
             for name in values
         )
-        listed = _listed(numbers)
-        passed = BearerFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {listed}")
-        return Judged(tuple(findings) or (passed,), evidence)
+        number_list = _join_values(numbers)
+        success = BearerFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {number_list}")
+        return ProbeResult(tuple(findings) or (success,), evidence)
 
 
 TEXT = "ATLANTIS"
@@ -255,7 +258,7 @@ class EvologicsMessage:
     modem: AcousticModem
     name: str
     """The row in words."""
-    declared: int | None
+    expected_address: int | None
     """Acoustic address; None: any modem may be there, which the modem's own item says."""
     partner: int
     """Acoustic address."""
@@ -267,26 +270,26 @@ class EvologicsMessage:
         return (self._question(),)
 
     def _question(self) -> Listen:
-        ended = (
+        end_pattern = (
             rb"(?:DELIVERED|FAILED)IM,%d\r?\n|\+\+\+AT\*SENDIM[^:\r\n]*:\d+:(?:ERROR|BUSY)|(?:\A|\n)(?:ERROR|BUSY)"
             % self.partner
         )
         say = (
             ask_at("AT?S", _LISTENS),
-            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address(self.declared)),
+            ask_at("AT?AL", _TEXT_ONLY + rb"\+\+\+AT\?AL:\d+:%s\r\n" % _address(self.expected_address)),
             ask_at("AT?L", _QUIET),
-            message(TEXT, self.partner, self.consent, ended, within_s=_DELIVERED_S),
+            message(TEXT, self.partner, self.consent, end_pattern, within_s=_DELIVERED_S),
         )
         return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge whether it was sent, and what became of it."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
-        if isinstance(transcript, Judged):
+        if isinstance(transcript, ProbeResult):
             return transcript
         pieces = evologics.pieces(transcript.data)
         if not any(piece.command for piece in pieces):
-            return Judged((not_understood(self.modem, self.name),))
+            return ProbeResult((not_understood(self.modem, self.name),))
         level = evologics.number(evologics.answer(pieces, "AT?L"))
         evidence = (
             ()
@@ -295,16 +298,16 @@ class EvologicsMessage:
                 Evidence(type=EvidenceType.READ, what="source level before the message", value=level_words(int(level))),
             )
         )
-        accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
-        refused = evologics.trouble_words(pieces, "AT*SENDIM")
-        if accepted:
+        is_accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
+        refusal = evologics.trouble_words(pieces, "AT*SENDIM")
+        if is_accepted:
             # The vehicle's own software may send as well: only what follows our own message is its report.
             at = next(place for place, entry in enumerate(pieces) if _is_send(entry) and entry.text == "OK")
             reports = tuple(item.text for item in pieces[at:] if item.command == evologics.NOTIFICATION)
-            return Judged((self._sent(reports),), evidence)
-        return Judged((self._kept(pieces, level, refused),), evidence)
+            return ProbeResult((self._judge_report(reports),), evidence)
+        return ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
 
-    def _sent(self, lines: tuple[str, ...]) -> BearerFinding:
+    def _judge_report(self, lines: tuple[str, ...]) -> BearerFinding:
         to = f"the modem with the address {self.partner}"
         if f"DELIVEREDIM,{self.partner}" in lines:
             return BearerFinding(
@@ -319,22 +322,24 @@ class EvologicsMessage:
         message = f"the modem of {self.name} has sent a message and does not tell what became of it"
         return BearerFinding(Verdict.INCONCLUSIVE, "no-report", message, hint)
 
-    def _kept(self, pieces: tuple[evologics.Piece, ...], level: float | None, refused: str | None) -> BearerFinding:
+    def _judge_refusal(
+        self, pieces: tuple[evologics.Piece, ...], level: float | None, refusal: str | None
+    ) -> BearerFinding:
         state = evologics.state(pieces)
         if state is not None and state != "INITIATION LISTEN":
             message = f"no message was sent: the modem of {self.name} does not listen ({state})"
             return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, "settle the item of the modem itself first")
         address = evologics.number(evologics.answer(pieces, "AT?AL"))
-        if address is not None and self.declared is not None and address != self.declared:
+        if address is not None and self.expected_address is not None and address != self.expected_address:
             message = f"no message was sent: the modem of {self.name} has the acoustic address {address:.0f}, and"
             hint = "settle the item of the modem itself first"
-            return BearerFinding(Verdict.FAIL, "wrong-address", f"{message} {self.declared} is declared", hint)
+            return BearerFinding(Verdict.FAIL, "wrong-address", f"{message} {self.expected_address} is declared", hint)
         if level is not None and level not in _LEVELS:
             message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
             hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
             return BearerFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
-        if refused:
-            message = f"the modem of {self.name} has not taken the message: `{refused[:60]}`"
+        if refusal:
+            message = f"the modem of {self.name} has not taken the message: `{refusal[:60]}`"
             return BearerFinding(
                 Verdict.INCONCLUSIVE, "not-taken", message, "check again when the vehicle does not use it"
             )
@@ -345,8 +350,8 @@ class EvologicsMessage:
         return BearerFinding(Verdict.INCONCLUSIVE, "not-sent", message, hint)
 
 
-def _address(declared: int | None) -> bytes:
-    return rb"\d+" if declared is None else b"%d" % declared
+def _address(address: int | None) -> bytes:
+    return rb"\d+" if address is None else b"%d" % address
 
 
 def _is_send(piece: evologics.Piece) -> bool:
@@ -363,7 +368,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
 
 def _status(cell: Cell, modem: AcousticModem) -> Step:
     endpoint = cell.endpoints.acoustic
-    declared = endpoint.acoustic_address if endpoint else None
+    expected_address = endpoint.acoustic_address if endpoint else None
     evologics = modem.driver is AcousticDriver.EVOLOGICS
     kind = EvologicsStatus if evologics else SeatracStatus
     return Step(
@@ -371,7 +376,7 @@ def _status(cell: Cell, modem: AcousticModem) -> Step:
         title=f"The acoustic modem of {cell.name} listens and has its declared settings",
         kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
-        probe=kind(modem, cell.name, declared, question(cell, modem)),
+        probe=kind(modem, cell.name, expected_address, question(cell, modem)),
     )
 
 
@@ -388,7 +393,7 @@ def _fleet(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
     who = "EvoLogics modems" if evologics else "SeaTrac beacons"
     yield Step(
         name="fleet",
-        title=f"The {who} of {cell.declared.title} agree with each other",
+        title=f"The {who} of {cell.site_config.title} agree with each other",
         kind=ItemKind.AUTOMATIC,
         phase=Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),
@@ -426,8 +431,8 @@ def _sent_by_a_person(cell: Cell, partner: int) -> Step:
 
 
 def _by_a_person(cell: Cell) -> Step:
-    declared = cell.endpoints.acoustic is not None
-    why = "has no address at this site" if declared else "is not declared"
+    is_declared = cell.endpoints.acoustic is not None
+    why = "has no address at this site" if is_declared else "is not declared"
     return Step(
         name="",
         title=f"The acoustic modem of {cell.name} sends and hears",

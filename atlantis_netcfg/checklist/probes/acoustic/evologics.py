@@ -111,24 +111,24 @@ def _lines(data: bytes, begin: int, end: int) -> Iterator[Piece]:
         begin = stop + 1
 
 
-def answer(received: Sequence[Piece], command: str) -> str | None:
+def answer(replies: Sequence[Piece], command: str) -> str | None:
     """The last framed answer to a command; None: none came, or the modem says ERROR or BUSY."""
-    text = _last(received, command)
+    text = _last(replies, command)
     return None if text is None or text.startswith(("ERROR", "BUSY")) else text
 
 
-def trouble_words(received: Sequence[Piece], command: str) -> str | None:
+def trouble_words(replies: Sequence[Piece], command: str) -> str | None:
     """`ERROR …` or `BUSY …` in answer to a command, or a bare one to any."""
     bare = next(
-        (piece.text for piece in received if piece.command is None and piece.text.startswith(("ERROR", "BUSY"))), None
+        (piece.text for piece in replies if piece.command is None and piece.text.startswith(("ERROR", "BUSY"))), None
     )
-    text = _last(received, command) or bare
+    text = _last(replies, command) or bare
     return text if text and text.startswith(("ERROR", "BUSY")) else None
 
 
-def _last(received: Sequence[Piece], command: str) -> str | None:
+def _last(replies: Sequence[Piece], command: str) -> str | None:
     # The answer to a command with parameters names it with or without them.
-    return next((p.text for p in reversed(received) if p.command and p.command.partition(",")[0] == command), None)
+    return next((p.text for p in reversed(replies) if p.command and p.command.partition(",")[0] == command), None)
 
 
 def number(text: str | None) -> float | None:
@@ -137,32 +137,32 @@ def number(text: str | None) -> float | None:
     return float(match[1]) if match else None
 
 
-def state(received: Sequence[Piece]) -> str | None:
+def state(replies: Sequence[Piece]) -> str | None:
     """The state's words; None: not told. Words that nobody knows are given back as they are."""
-    text = answer(received, "AT?S")
+    text = answer(replies, "AT?S")
     if text is not None:
         match = _STATES.search(text)
         return match[1] if match else text[:60]
-    bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(received) if p.command is None)
+    bare = (_STATES.match(p.text.removeprefix("+++")) for p in reversed(replies) if p.command is None)
     return next((match[1] for match in bare if match), None)
 
 
-def settings(received: Sequence[Piece]) -> EvologicsSettings | None:
+def settings(replies: Sequence[Piece]) -> EvologicsSettings | None:
     """Everything known that `AT&V` told, framed or bare; None: nothing."""
-    text = answer(received, "AT&V") or "\n".join(p.text for p in received if p.command is None)
-    found = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
-    named = [(match[2].replace("Rerty", "Retry"), match) for match in found if match]
-    known = [(name, match) for name, match in named if name in _NAMES]
-    if not known:
+    text = answer(replies, "AT&V") or "\n".join(p.text for p in replies if p.command is None)
+    matches = [_SETTING.fullmatch(line.strip()) for line in text.splitlines()]
+    name_matches = [(match[2].replace("Rerty", "Retry"), match) for match in matches if match]
+    known_settings = [(name, match) for name, match in name_matches if name in _NAMES]
+    if not known_settings:
         return None
     return EvologicsSettings(
-        {name: int(entry[3]) for name, entry in known}, tuple(name for name, item in known if item[1])
+        {name: int(entry[3]) for name, entry in known_settings}, tuple(name for name, item in known_settings if item[1])
     )
 
 
-def fixes(received: Sequence[Piece]) -> tuple[EvologicsFix, ...]:
+def fixes(replies: Sequence[Piece]) -> tuple[EvologicsFix, ...]:
     """Every fix that was told, framed or bare, in its order."""
-    result = (p for p in received if p.command in {NOTIFICATION, None})
+    result = (p for p in replies if p.command in {NOTIFICATION, None})
     return tuple(fix for fix in map(_fix, result) if fix)
 
 
@@ -190,7 +190,7 @@ def _fix(piece: Piece) -> EvologicsFix | None:
     )
 
 
-def answered(query: str) -> bytes:
+def reply_pattern(query: str) -> bytes:
     """Regular expression for the answer to a query, framed or bare, good or not."""
     if query == "AT&V":
         return rb"\+\+\+AT&V:\d+:(?:ERROR|BUSY)[^\n]*\n|(?:\A|\n)(?:ERROR|BUSY)[^\n]*\n|: [^\r\n]*\r?\n\r?\n"

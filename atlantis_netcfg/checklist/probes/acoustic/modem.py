@@ -20,7 +20,17 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Judged, Listen, Place, Say, Transcript, Trouble
+from atlantis_netcfg.checklist.probes.step import (
+    Answer,
+    Cell,
+    Consent,
+    Listen,
+    Place,
+    ProbeResult,
+    Say,
+    Transcript,
+    Trouble,
+)
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
@@ -119,12 +129,12 @@ def refused_reason(data: bytes, *, active: bool) -> str | None:
 
 def _refused_evologics(data: bytes, *, active: bool) -> str | None:
     body = data.removeprefix(b"+++").removesuffix(b"\n")
-    known = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
-    if known is None or data != b"+++" + body + b"\n":
+    modem_command = next((command for pattern, command in EVOLOGICS.items() if re.fullmatch(pattern, body)), None)
+    if modem_command is None or data != b"+++" + body + b"\n":
         return f"{data!r} is on no list of what may be said to an EvoLogics modem"
-    if known.use is ModemUse.ACTIVE and not _whole_message(body):
+    if modem_command.use is ModemUse.ACTIVE and not _whole_message(body):
         return f"{data!r} is not one whole message to one modem"
-    return _unless(known, data, active=active)
+    return _unless(modem_command, data, active=active)
 
 
 def _whole_message(body: bytes) -> bool:
@@ -134,26 +144,26 @@ def _whole_message(body: bytes) -> bool:
 
 def _refused_seatrac(data: bytes, *, active: bool) -> str | None:
     payload = seatrac.payload_of(data)
-    known = SEATRAC.get(payload[0]) if payload else None
-    if payload is None or known is None:
+    modem_command = SEATRAC.get(payload[0]) if payload else None
+    if payload is None or modem_command is None:
         return f"{data!r} is on no list of what may be said to a SeaTrac beacon"
-    if known.use is ModemUse.READ and len(payload) > 1:
+    if modem_command.use is ModemUse.READ and len(payload) > 1:
         return f"{data!r} asks with a parameter, and no question needs one"
-    if known.use is ModemUse.ACTIVE and not _one_ping(payload):
+    if modem_command.use is ModemUse.ACTIVE and not _one_ping(payload):
         return f"{data!r} transmits, and is no ping of one beacon"
-    return _unless(known, data, active=active)
+    return _unless(modem_command, data, active=active)
 
 
 def _one_ping(payload: bytes) -> bool:
     return payload[0] == _PING and len(payload) == 3 and payload[1] in _BEACONS and payload[2] == _WITH_USBL  # noqa: PLR2004 - number, beacon, kind
 
 
-def _unless(known: ModemCommand, data: bytes, *, active: bool) -> str | None:
-    if known.use is ModemUse.READ or (known.use is ModemUse.ACTIVE and active):
+def _unless(modem_command: ModemCommand, data: bytes, *, active: bool) -> str | None:
+    if modem_command.use is ModemUse.READ or (modem_command.use is ModemUse.ACTIVE and active):
         return None
-    if known.use is ModemUse.ACTIVE:
-        return f"{data!r} {known.what}, and nobody has consented to it"
-    return f"{data!r} {known.what}: it is never sent"
+    if modem_command.use is ModemUse.ACTIVE:
+        return f"{data!r} {modem_command.what}, and nobody has consented to it"
+    return f"{data!r} {modem_command.what}: it is never sent"
 
 
 def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> Say:
@@ -253,7 +263,7 @@ def _endpoint(cell: Cell) -> AcousticEndpoint | UsblEndpoint | None:
 
 def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, AcousticModem]]:
     """The modems of all rows that are tested at the site, with their cells; the site's own comes last."""
-    here = cell.declared.checklist.vehicles
+    here = cell.site_config.checklist.vehicles
     for row in (*(key for key in cell.declaration.vehicles if here is None or key in here), None):
         other = Cell(cell.declaration, cell.site, row, column)
         if modem := modem_of(other):
@@ -276,32 +286,32 @@ def declared_address(cell: Cell, modem: AcousticModem) -> int | None:
 def question(cell: Cell, modem: AcousticModem) -> Listen:
     """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
     usbl = [item.endpoints.usbl for item, other in modems(cell, Column.USBL) if other == modem]
-    expected = [endpoint for endpoint in usbl if endpoint is not None]
+    endpoints = [endpoint for endpoint in usbl if endpoint is not None]
     return modem.listen(
         f"modem at {modem.where}",
         _script(modem.driver),
-        listen_s=max((endpoint.listen_s for endpoint in expected), default=0.0),
-        enough=_enough(modem.driver, expected),
+        listen_s=max((endpoint.listen_s for endpoint in endpoints), default=0.0),
+        enough=_enough(modem.driver, endpoints),
     )
 
 
 def _script(driver: AcousticDriver) -> tuple[Say, ...]:
     if driver is AcousticDriver.SEATRAC:
         return tuple(ask_seatrac(number, rb"(?i)\$%02X[0-9A-F]+[\r\n]" % number) for number in _NUMBERS)
-    return tuple(ask_at(query, evologics.answered(query)) for query in _QUERIES)
+    return tuple(ask_at(query, evologics.reply_pattern(query)) for query in _QUERIES)
 
 
-def _enough(driver: AcousticDriver, desired: list[UsblEndpoint]) -> bytes:
+def _enough(driver: AcousticDriver, endpoints: list[UsblEndpoint]) -> bytes:
     """Some whole fixes of every address that is expected; nothing, where nobody listens for any."""
-    expected = sorted({address for endpoint in desired for address in endpoint.hears})
-    remotes: list[int | None] = list(expected)
-    if any(not endpoint.hears for endpoint in desired):
+    addresses = sorted({address for endpoint in endpoints for address in endpoint.hears})
+    remotes: list[int | None] = list(addresses)
+    if any(not endpoint.hears for endpoint in endpoints):
         remotes.append(None)
-    seen = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
-    if not seen or driver is AcousticDriver.SEATRAC:
-        return rb"(?s)\A" + seen if seen else b""
+    pattern = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
+    if not pattern or driver is AcousticDriver.SEATRAC:
+        return rb"(?s)\A" + pattern if pattern else b""
     # Whose output of fixes is switched off need not be listened to.
-    return rb"(?s)\A(?:%b|.*?\+\+\+AT\?ZU:1:0\r\n)" % seen
+    return rb"(?s)\A(?:%b|.*?\+\+\+AT\?ZU:1:0\r\n)" % pattern
 
 
 def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
@@ -380,18 +390,18 @@ def trouble(modem: AcousticModem, name: str, transcript: Transcript) -> BearerFi
     if transcript.data:
         return None
     # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
-    met = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
-    verdict, code, message, hint = _WORDS[met]
+    cause = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
+    verdict, code, message, hint = _WORDS[cause]
     words = transcript.words or "nobody could ask it"
     return BearerFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
-def transcript_or_judgement(modem: AcousticModem, name: str, answer: Answer) -> Transcript | Judged:
+def transcript_or_judgement(modem: AcousticModem, name: str, answer: Answer) -> Transcript | ProbeResult:
     """Give what a modem has said, or the judgement of one that could not be read."""
     if not isinstance(answer, Transcript):
         raise TypeError(answer)
     finding = trouble(modem, name, answer)
-    return answer if finding is None else Judged((finding,))
+    return answer if finding is None else ProbeResult((finding,))
 
 
 def not_understood(modem: AcousticModem, name: str) -> BearerFinding:

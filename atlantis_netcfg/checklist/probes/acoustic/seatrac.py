@@ -92,13 +92,13 @@ def command(payload: bytes) -> bytes:
 def payload_of(data: bytes) -> bytes | None:
     """Number and record of exactly one command; None: it is none, or its sum is wrong."""
     match = _COMMAND.fullmatch(data)
-    return _checked(match[1]) if match else None
+    return _check_payload(match[1]) if match else None
 
 
-def _checked(digits: bytes) -> bytes | None:
+def _check_payload(digits: bytes) -> bytes | None:
     raw = bytes.fromhex(digits.decode())
-    payload, sent = raw[:-2], int.from_bytes(raw[-2:], "little")
-    return payload if crc16(payload) == sent else None
+    payload, checksum = raw[:-2], int.from_bytes(raw[-2:], "little")
+    return payload if crc16(payload) == checksum else None
 
 
 def answers(data: bytes) -> tuple[SeatracAnswer, ...]:
@@ -107,19 +107,19 @@ def answers(data: bytes) -> tuple[SeatracAnswer, ...]:
 
 
 def _answers(data: bytes) -> Iterator[SeatracAnswer]:
-    for found in _ANSWER.finditer(data):
-        if payload := _checked(found[1]):
-            yield SeatracAnswer(payload[0], payload[1:], found.end())
+    for match in _ANSWER.finditer(data):
+        if payload := _check_payload(match[1]):
+            yield SeatracAnswer(payload[0], payload[1:], match.end())
 
 
-def damaged(data: bytes) -> int:
+def count_damaged(data: bytes) -> int:
     """How many answers came with a wrong sum."""
-    return sum(_checked(found[1]) is None for found in _ANSWER.finditer(data))
+    return sum(_check_payload(match[1]) is None for match in _ANSWER.finditer(data))
 
 
-def last(received: Sequence[SeatracAnswer], number: int) -> bytes | None:
+def last(replies: Sequence[SeatracAnswer], number: int) -> bytes | None:
     """The record of the last answer with a number; None: there is none."""
-    return next((answer.record for answer in reversed(received) if answer.number == number), None)
+    return next((answer.record for answer in reversed(replies) if answer.number == number), None)
 
 
 def settings(record: bytes) -> SeatracSettings | None:

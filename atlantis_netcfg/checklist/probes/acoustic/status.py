@@ -16,7 +16,7 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     two_modems,
     whose_unknown,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, Listen, Question, Transcript
+from atlantis_netcfg.checklist.probes.step import Answer, Listen, ProbeResult, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
@@ -93,20 +93,20 @@ _READINGS = (
 class AcousticReading:
     """Everything that a modem told, in one value; None: not told."""
 
-    received: tuple[evologics.Piece, ...]
+    replies: tuple[evologics.Piece, ...]
     settings: evologics.EvologicsSettings | None
 
     @classmethod
     def of(cls, transcript: Transcript) -> AcousticReading:
         """Read a transcript."""
-        received = evologics.pieces(transcript.data)
-        return cls(received, evologics.settings(received))
+        replies = evologics.pieces(transcript.data)
+        return cls(replies, evologics.settings(replies))
 
     @property
-    def understood(self) -> bool:
+    def is_evologics(self) -> bool:
         """Whether anything of it is an EvoLogics modem's."""
-        framed = any(piece.command for piece in self.received)
-        return framed or self.settings is not None or evologics.state(self.received) is not None
+        has_frame = any(piece.command for piece in self.replies)
+        return has_frame or self.settings is not None or evologics.state(self.replies) is not None
 
     @property
     def address(self) -> int | None:
@@ -118,10 +118,10 @@ class AcousticReading:
         """Every one that was told and is in force: more than one is two modems at one end."""
         if self.settings is not None and "Local Address" in self.settings.pending:
             return frozenset()
-        listed = [evologics.settings((piece,)) for piece in self.received if piece.command == "AT&V"]
-        queried = [evologics.number(piece.text) for piece in self.received if piece.command == "AT?AL"]
-        local = [settings.values.get("Local Address") for settings in listed if settings is not None]
-        return frozenset(int(item) for item in (*local, *queried, self.address) if item is not None)
+        setting_replies = [evologics.settings((piece,)) for piece in self.replies if piece.command == "AT&V"]
+        queried_addresses = [evologics.number(piece.text) for piece in self.replies if piece.command == "AT?AL"]
+        local = [settings.values.get("Local Address") for settings in setting_replies if settings is not None]
+        return frozenset(int(item) for item in (*local, *queried_addresses, self.address) if item is not None)
 
     @property
     def level(self) -> int | None:
@@ -137,7 +137,7 @@ class AcousticReading:
 
     def number(self, query: str) -> float | None:
         """The number that a query was answered with."""
-        return evologics.number(evologics.answer(self.received, query))
+        return evologics.number(evologics.answer(self.replies, query))
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ class EvologicsStatus:
     modem: AcousticModem
     name: str
     """The row in words."""
-    declared: int | None
+    expected_address: int | None
     """Acoustic address."""
     question: Listen
 
@@ -155,15 +155,15 @@ class EvologicsStatus:
         """One script of reading queries."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge what the modem told."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, Judged):
+        if isinstance(transcript, ProbeResult):
             return transcript
         reading = AcousticReading.of(transcript)
-        if not reading.understood:
-            return Judged((not_understood(self.modem, self.name),))
-        return Judged(tuple(self._findings(reading)), tuple(_evidence(reading)))
+        if not reading.is_evologics:
+            return ProbeResult((not_understood(self.modem, self.name),))
+        return ProbeResult(tuple(self._findings(reading)), tuple(_evidence(reading)))
 
     def _findings(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         yield self._state(reading)
@@ -174,9 +174,9 @@ class EvologicsStatus:
         yield from self._pending(reading)
 
     def _state(self, reading: AcousticReading) -> BearerFinding:
-        state = evologics.state(reading.received)
+        state = evologics.state(reading.replies)
         if state is None:
-            words = evologics.trouble_words(reading.received, "AT?S")
+            words = evologics.trouble_words(reading.replies, "AT?S")
             message = f"the modem of {self.name} does not tell its state" + (f": it says `{words}`" if words else "")
             hint = "check again in a minute; if it stays so, compare the firmware with another modem's"
             return BearerFinding(Verdict.INCONCLUSIVE, "no-state", message, hint)
@@ -188,18 +188,20 @@ class EvologicsStatus:
 
     def _address(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         address, highest = reading.address, reading.setting("Highest Address")
-        if self.declared is None:
+        if self.expected_address is None:
             yield whose_unknown(self.modem, self.name)
         if address is None:
-            if self.declared is not None:
-                message = f"the modem of {self.name} does not tell its address; {self.declared} is declared"
+            if self.expected_address is not None:
+                message = f"the modem of {self.name} does not tell its address; {self.expected_address} is declared"
                 hint = "check again: what does not answer in time is left out"
                 yield BearerFinding(Verdict.INCONCLUSIVE, "address-unknown", message, hint)
             return
         if len(reading.addresses) > 1:
             yield two_modems(self.modem, self.name, reading.addresses)
-        if self.declared is not None and address != self.declared:
-            message = f"the modem of {self.name} has the acoustic address {address}, and {self.declared} is declared"
+        if self.expected_address is not None and address != self.expected_address:
+            message = (
+                f"the modem of {self.name} has the acoustic address {address}, and {self.expected_address} is declared"
+            )
             hint = "have its crew set the address, or correct `acoustic_address` in the declaration"
             yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if address < 1 or (highest is not None and address > highest):
@@ -254,7 +256,7 @@ class EvologicsStatus:
 
 def _evidence(reading: AcousticReading) -> Iterator[Evidence]:
     for what, query, unit in _READINGS:
-        value = evologics.answer(reading.received, query)
+        value = evologics.answer(reading.replies, query)
         if value:
             yield Evidence(type=EvidenceType.READ, what=what, value=value[:120] + unit)
     if reading.settings is not None:
@@ -266,14 +268,14 @@ BEACONS = range(1, 16)
 _IDLE = 0x3B
 _WORKING = {0x30: "is busy", 0x3C: "transmits", 0x3D: "waits for an answer", 0x3E: "receives", 0x3F: "answers"}
 """States of the transceiver in which somebody uses it."""
-_STOPPED = 0x3A
+_STOP_STATE = 0x3A
 
 
 @dataclass(frozen=True, slots=True)
 class Beacon:
     """Everything that a beacon told, in one value; None: not told."""
 
-    received: tuple[seatrac.SeatracAnswer, ...]
+    replies: tuple[seatrac.SeatracAnswer, ...]
     settings: seatrac.SeatracSettings | None
     status: seatrac.BeaconStatus | None
     info: str | None
@@ -285,14 +287,14 @@ class Beacon:
     @classmethod
     def of(cls, transcript: Transcript) -> Beacon:
         """Read a transcript."""
-        received = seatrac.answers(transcript.data)
-        state = seatrac.last(received, seatrac.TRANSCEIVER)
-        result = (seatrac.settings(answer.record) for answer in received if answer.number == seatrac.SETTINGS)
+        replies = seatrac.answers(transcript.data)
+        state = seatrac.last(replies, seatrac.TRANSCEIVER)
+        result = (seatrac.settings(answer.record) for answer in replies if answer.number == seatrac.SETTINGS)
         return cls(
-            received,
-            seatrac.settings(seatrac.last(received, seatrac.SETTINGS) or b""),
-            seatrac.status(seatrac.last(received, seatrac.STATUS) or b""),
-            seatrac.info(seatrac.last(received, seatrac.INFO) or b""),
+            replies,
+            seatrac.settings(seatrac.last(replies, seatrac.SETTINGS) or b""),
+            seatrac.status(seatrac.last(replies, seatrac.STATUS) or b""),
+            seatrac.info(seatrac.last(replies, seatrac.INFO) or b""),
             state[0] if state else None,
             frozenset(settings.beacon for settings in result if settings is not None),
         )
@@ -300,11 +302,11 @@ class Beacon:
 
 def damage(name: str, transcript: Transcript) -> BearerFinding | None:
     """Say that answers came with a wrong sum."""
-    damaged = seatrac.damaged(transcript.data)
-    if not damaged:
+    damage_count = seatrac.count_damaged(transcript.data)
+    if not damage_count:
         return None
     whole = len(seatrac.answers(transcript.data))
-    message = f"{damaged} of {damaged + whole} answers of the beacon of {name} came with a wrong checksum"
+    message = f"{damage_count} of {damage_count + whole} answers of the beacon of {name} came with a wrong checksum"
     hint = "look at the serial cable and its rate (`baud`), and whether two programs write to the port"
     return BearerFinding(Verdict.WARN if whole else Verdict.INCONCLUSIVE, "checksum", message, hint)
 
@@ -316,7 +318,7 @@ class SeatracStatus:
     modem: AcousticModem
     name: str
     """The row in words."""
-    declared: int | None
+    expected_address: int | None
     """Beacon id."""
     question: Listen
 
@@ -324,17 +326,17 @@ class SeatracStatus:
         """One script of reading commands."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge what the beacon told."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, Judged):
+        if isinstance(transcript, ProbeResult):
             return transcript
-        damaged = damage(self.name, transcript)
+        damage_finding = damage(self.name, transcript)
         beacon = Beacon.of(transcript)
-        if not beacon.received:
-            return Judged((damaged or not_understood(self.modem, self.name),))
+        if not beacon.replies:
+            return ProbeResult((damage_finding or not_understood(self.modem, self.name),))
         findings = (self._state(beacon), *self._number(beacon), *self._sound(beacon))
-        return Judged((*findings, damaged) if damaged else findings, tuple(_beacon_evidence(beacon)))
+        return ProbeResult((*findings, damage_finding) if damage_finding else findings, tuple(_beacon_evidence(beacon)))
 
     def _state(self, beacon: Beacon) -> BearerFinding:
         who, state = f"the beacon of {self.name}", beacon.state
@@ -345,7 +347,7 @@ class SeatracStatus:
             )
         if state == _IDLE:
             return BearerFinding(Verdict.PASS, "listens", f"{who} listens")
-        if state == _STOPPED:
+        if state == _STOP_STATE:
             hint = "switch the beacon off and on: this tool never starts it"
             return BearerFinding(Verdict.FAIL, "stopped", f"{who} has its transceiver stopped", hint)
         if state in _WORKING:
@@ -355,7 +357,7 @@ class SeatracStatus:
         return BearerFinding(Verdict.INCONCLUSIVE, "state-unknown", message, "ask its maker what that state means")
 
     def _number(self, beacon: Beacon) -> Iterator[BearerFinding]:
-        if self.declared is None:
+        if self.expected_address is None:
             yield whose_unknown(self.modem, self.name)
         if beacon.settings is None:
             hint = "check again; a longer record than ours is read, a shorter one is not"
@@ -366,8 +368,8 @@ class SeatracStatus:
         if len(beacon.numbers) > 1:
             yield two_modems(self.modem, self.name, beacon.numbers)
         number = beacon.settings.beacon
-        if self.declared is not None and number != self.declared:
-            message = f"the beacon of {self.name} has the number {number}, and {self.declared} is declared"
+        if self.expected_address is not None and number != self.expected_address:
+            message = f"the beacon of {self.name} has the number {number}, and {self.expected_address} is declared"
             hint = "have its crew set the number, or correct `acoustic_address` in the declaration"
             yield BearerFinding(Verdict.FAIL, "wrong-address", message, hint)
         if number not in BEACONS:

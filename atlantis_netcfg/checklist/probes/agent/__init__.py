@@ -29,7 +29,7 @@ from atlantis_netcfg.checklist.probes.step import (
     DhcpOffers,
     Listen,
     Question,
-    Reflected,
+    ReflectReply,
     ReflectRequest,
     ReflectResult,
     RouterAdvertisement,
@@ -57,9 +57,9 @@ made.main(json.loads({asked!r}))
 """
 
 
-def program(requested: dict[str, Any]) -> bytes:
+def program(request: dict[str, Any]) -> bytes:
     """Pack the program with what it is asked (`Batch.asked`)."""
-    words = json.dumps(requested, separators=(",", ":"))
+    words = json.dumps(request, separators=(",", ":"))
     return zlib.compress(_LOADER.format(sources=_sources(), asked=words).encode(), 9)
 
 
@@ -92,7 +92,7 @@ _SEGMENT_EXTRA_S = 10.0
 class Batch:
     """What the program is asked, and how long that takes at most."""
 
-    asked: dict[str, Any] = field(repr=False)
+    request: dict[str, Any] = field(repr=False)
     keys: tuple[str, ...]
     within_s: float
 
@@ -116,7 +116,7 @@ def batch(questions: Sequence[tuple[str, Question]]) -> Batch:
     return Batch({"questions": rows, "deadline_s": within_s}, tuple(key for key, _ in questions), within_s)
 
 
-def read_result(result: Mapping[str, Any], question: Question, requested: float, now: float) -> Answer:
+def read_result(result: Mapping[str, Any], question: Question, request_time: float, now: float) -> Answer:
     """Read one answer of the program. `asked`, `now`: when the questions left and this answer came, seconds since 1970.
 
     Raises RuntimeError with the words of a fault of the program's own.
@@ -131,13 +131,13 @@ def read_result(result: Mapping[str, Any], question: Question, requested: float,
         return Transcript(trouble, words, chunks, *times, tuple(result.get("senders", ())))
     if isinstance(question, RunProgram):
         values = {name: result[name] for name in ("rc", "out", "err", "began") if name in result}
-        return CommandResult(trouble, words, **values, asked=requested, heard=now)
+        return CommandResult(trouble, words, **values, request_time=request_time, response_time=now)
     if isinstance(question, DdsDiscoverRequest):
         datagrams = tuple((source, _bytes(data)) for source, data in result.get("datagrams", ()))
         return DdsDiscoverResult(trouble, words, bytes.fromhex(result.get("prefix", "")), datagrams)
     if isinstance(question, ReflectRequest):
         answers = tuple(
-            Reflected(sender, interface, delay_s, _bytes(data))
+            ReflectReply(sender, interface, delay_s, _bytes(data))
             for sender, interface, delay_s, data in result.get("answers", ())
         )
         return ReflectResult(trouble, words, tuple(result.get("tokens", ())), answers)
@@ -151,8 +151,8 @@ def _offers(result: Iterable[Mapping[str, Any]]) -> Iterable[DhcpOffer]:
     return (DhcpOffer(**{name: row[name] for name in ("server", "mac", "address", "router")}) for row in result)
 
 
-def _bytes(packed: str | list[str]) -> bytes:
-    return packed.encode("latin-1") if isinstance(packed, str) else b64decode(packed[0])
+def _bytes(payload: str | list[str]) -> bytes:
+    return payload.encode("latin-1") if isinstance(payload, str) else b64decode(payload[0])
 
 
 def _wants(question: Question) -> set[object]:

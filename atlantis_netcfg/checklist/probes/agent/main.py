@@ -44,8 +44,8 @@ from typing import IO, Any, Callable, Iterator
 from atlantis_netcfg.checklist.probes.agent.streams import (
     ProbeError,
     ReceiveBuffer,
+    encode_bytes,
     no_answer,
-    packed,
     serial,
     tcp,
     udp,
@@ -102,11 +102,11 @@ def _end(program: subprocess.Popen[bytes]) -> None:
         os.killpg(program.pid, signal.SIGKILL)
 
 
-def _drain(pipe: IO[bytes], kept: bytearray) -> None:
+def _drain(pipe: IO[bytes], output: bytearray) -> None:
     """Keep the beginning of what a program prints, and let it go on."""
     with pipe:
         for chunk in iter(lambda: pipe.read(_LONGEST), b""):
-            kept += chunk[: _LONGEST - len(kept)]
+            output += chunk[: _LONGEST - len(output)]
 
 
 def _text(data: bytearray) -> str:
@@ -118,7 +118,7 @@ _OUTGOING = 4
 """Type of a frame that this computer has sent (packet(7))."""
 _COOKIE = b"\x63\x82\x53\x63"
 _DISCOVER, _OFFER = 1, 2
-_ROUTER, _TYPE, _SERVER, _REQUESTED = 3, 53, 54, 55
+_ROUTER, _TYPE, _SERVER, _PARAMETERS = 3, 53, 54, 55
 _BROADCAST = b"\xff" * 6
 _ROUNDS = 2
 _MOST_OFFERS = 200
@@ -128,8 +128,8 @@ def probing(question: dict[str, Any]) -> dict[str, Any]:
     """Ask for servers, and give the fields of `DhcpOffers`. Raises ProbeError: missing, denied, unreachable."""
     with _segment(question["interface"], _IPV4, "DHCP servers") as (wire, _, mac):
         number = os.urandom(4)
-        named = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
-        cards = list(dict.fromkeys([mac, _nobody(mac), *named]))
+        extra_cards = [bytes.fromhex(card.replace(":", "")) for card in question.get("cards", ())]
+        cards = list(dict.fromkeys([mac, _nobody(mac), *extra_cards]))
         requests = [_frame(mac, card, number) for card in cards]
         offers = _answers(
             wire, requests, lambda frame: _offer(frame, cards, number), question["within_s"], _MOST_OFFERS
@@ -175,7 +175,7 @@ def _frame(mac: bytes, card: bytes, number: bytes) -> bytes:
     """Ethernet, IP, UDP without a checksum, BOOTP with its options (RFC 2131, 2; RFC 2132, 9.6 and 9.8)."""
     # The broadcast flag: the answer comes to everybody, since nobody has the offered address.
     bootp = struct.pack("!4B4sHH16x6s10x192x", 1, 1, 6, 0, number, 0, 0x8000, card)
-    options = bytes([_TYPE, 1, _DISCOVER, _REQUESTED, 3, 1, _ROUTER, 51, 255])
+    options = bytes([_TYPE, 1, _DISCOVER, _PARAMETERS, 3, 1, _ROUTER, 51, 255])
     body = (bootp + _COOKIE + options).ljust(300, b"\0")
     udp = struct.pack("!4H", 68, 67, 8 + len(body), 0) + body
     ip = struct.pack("!BBHHHBBH4s4s", 0x45, 0, 20 + len(udp), 0, 0, 64, _UDP, 0, b"\0" * 4, b"\xff" * 4)
@@ -203,8 +203,8 @@ def _answers(
         for request in requests:
             wire.send(request)
         ends = time.monotonic() + within_s / _ROUNDS
-        while len(result) < most and (left := ends - time.monotonic()) > 0:
-            wire.settimeout(left)
+        while len(result) < most and (remaining_s := ends - time.monotonic()) > 0:
+            wire.settimeout(remaining_s)
             try:
                 frame, where = wire.recvfrom(65535)
             except socket.timeout:
@@ -308,7 +308,7 @@ _ENDPOINTS = 0x3F
 def discover(question: dict[str, Any]) -> dict[str, Any]:
     """Announce a participant, and give the fields of `DdsDiscoverResult`. Raises ProbeError."""
     prefix, where = os.urandom(12), question["address"]
-    kept: dict[tuple[bytes, bool], list[Any]] = {}
+    datagrams: dict[tuple[bytes, bool], list[Any]] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         try:
             _check_address(where)
@@ -324,12 +324,12 @@ def discover(question: dict[str, Any]) -> dict[str, Any]:
                     data, source = wire.recvfrom(65535)
                 except socket.timeout:
                     continue
-                if data[:4] == b"RTPS" and (prefix in data or _WRITER in data) and len(kept) < _MOST:
-                    kept.setdefault((data[8:20], prefix in data), [source[0], packed(data)])
+                if data[:4] == b"RTPS" and (prefix in data or _WRITER in data) and len(datagrams) < _MOST:
+                    datagrams.setdefault((data[8:20], prefix in data), [source[0], encode_bytes(data)])
             _send(wire, question, _bye(prefix))
         except OSError as error:
             raise no_answer(error, where) from None
-    return {"trouble": None, "words": "", "prefix": prefix.hex(), "datagrams": list(kept.values())}
+    return {"trouble": None, "words": "", "prefix": prefix.hex(), "datagrams": list(datagrams.values())}
 
 
 def _check_address(address: str) -> None:
@@ -362,17 +362,17 @@ def _hello(prefix: bytes, address: str, port: int, domain: int) -> bytes:
 def _bye(prefix: bytes) -> bytes:
     """The participant is no more: key and status stand in the inline QoS, and the key follows (9.6.3.8, 9.6.3.9)."""
     guid = prefix + b"\x00\x00\x01\xc1"
-    return _message(prefix, 0x0B, 2, _listed(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
+    return _message(prefix, 0x0B, 2, _pack_parameters(((0x70, guid), (0x71, b"\0\0\0\x03"))), ((0x50, guid),))
 
 
-def _listed(result: tuple[tuple[int, bytes], ...]) -> bytes:
+def _pack_parameters(result: tuple[tuple[int, bytes], ...]) -> bytes:
     """Parameters by their numbers, and what ends them (9.4.2.11)."""
     return b"".join(struct.pack("<HH", name, len(value)) + value for name, value in result) + struct.pack("<HH", 1, 0)
 
 
 def _message(prefix: bytes, flags: int, number: int, inline: bytes, result: tuple[tuple[int, bytes], ...]) -> bytes:
     body = struct.pack("<HH", 0, 16) + b"\0" * 4 + _WRITER + struct.pack("<iI", 0, number) + inline
-    body += b"\x00\x03\0\0" + _listed(result)
+    body += b"\x00\x03\0\0" + _pack_parameters(result)
     return b"RTPS\x02\x01\0\0" + prefix + struct.pack("<BBH", 0x15, flags, len(body)) + body
 
 
@@ -386,7 +386,7 @@ _PKTINFO, _RECVERR = 8, 11
 def reflect(question: dict[str, Any]) -> dict[str, Any]:
     """Send the messages, and give the fields of `ReflectResult`. Raises ProbeError."""
     tokens = [os.urandom(16).hex() for _ in range(question["count"])]
-    sent: dict[str, float] = {}
+    send_times: dict[str, float] = {}
     answers: list[list[Any]] = []
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
         wire.setsockopt(socket.IPPROTO_IP, _PKTINFO, 1)
@@ -399,31 +399,33 @@ def reflect(question: dict[str, Any]) -> dict[str, Any]:
         try:
             for number, token in enumerate(tokens, start=1):
                 message = b"atlantis-reflect " + token.encode()
-                sent[token] = time.monotonic()
+                send_times[token] = time.monotonic()
                 wire.sendto(message.ljust(_LENGTH), (question["address"], question["port"]))
                 last = number == len(tokens)
                 until = began + question["within_s"] if last else time.monotonic() + _APART_S
-                _collect(wire, until, sent, answers, len(tokens) if last else _MOST)
+                _collect(wire, until, send_times, answers, len(tokens) if last else _MOST)
         except OSError as error:
             raise no_answer(error, question["address"]) from None
     return {"trouble": None, "words": "", "tokens": tokens, "answers": answers}
 
 
-def _collect(wire: socket.socket, ends: float, sent: dict[str, float], answers: list[list[Any]], enough: int) -> None:
+def _collect(
+    wire: socket.socket, ends: float, send_times: dict[str, float], answers: list[list[Any]], enough: int
+) -> None:
     """Keep what comes until then, or until there are enough answers."""
     while len(answers) < enough:
-        left = ends - time.monotonic()
-        if left <= 0:
+        remaining_s = ends - time.monotonic()
+        if remaining_s <= 0:
             return
-        wire.settimeout(left)
+        wire.settimeout(remaining_s)
         try:
             data, ancillary, _, source = wire.recvmsg(4096, 256)
         except socket.timeout:
             return
         now = time.monotonic()
-        borne = [token for token in sent if token.encode() in data]
-        delay = now - (sent[borne[0]] if borne else min(sent.values()))
-        answers.append([source[0], _came_by(ancillary), round(delay, 4), packed(data)])
+        borne = [token for token in send_times if token.encode() in data]
+        delay = now - (send_times[borne[0]] if borne else min(send_times.values()))
+        answers.append([source[0], _came_by(ancillary), round(delay, 4), encode_bytes(data)])
 
 
 def _came_by(ancillary: list[Any]) -> str:
@@ -436,7 +438,7 @@ def _came_by(ancillary: list[Any]) -> str:
 
 _BREATH_S = 0.3
 """A server of one client, or a serial server, notices only then that the last one has gone."""
-_GONE = ("silent", "unreachable")
+_UNREACHABLE_TROUBLES = ("silent", "unreachable")
 _STREAMS: dict[str, Callable[[dict[str, Any], ReceiveBuffer], None]] = {"tcp": tcp, "udp": udp, "serial": serial}
 _OTHERS: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "run": run,
@@ -484,7 +486,7 @@ class _AgentRequest(threading.Thread):
         """The answer of an end that was not there a moment ago: nobody knocks a second time."""
         for other in self._before:
             same = all(self._row.get(name) == other._row.get(name) for name in ("kind", "address", "port"))  # noqa: SLF001 - its like
-            if same and self._row["kind"] == "tcp" and other.answer.get("trouble") in _GONE:
+            if same and self._row["kind"] == "tcp" and other.answer.get("trouble") in _UNREACHABLE_TROUBLES:
                 return other.answer
         return None
 
@@ -504,14 +506,14 @@ class _AgentRequest(threading.Thread):
             return {"fault": f"{type(fault).__name__}: {fault} ({last.filename}, line {last.lineno})"}
 
 
-def answer_all(requested: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
+def answer_all(batch: dict[str, Any], tell: Callable[[str, dict[str, Any]], None]) -> None:
     """Ask all `questions`, each `after` some before it, and tell the answers by their keys.
 
     After `deadline_s` what is missing is told as silent, with what was heard so far.
     """
-    ends = time.monotonic() + requested["deadline_s"]
+    ends = time.monotonic() + batch["deadline_s"]
     work: list[_AgentRequest] = []
-    for row in requested["questions"]:
+    for row in batch["questions"]:
         work.append(_AgentRequest(row, [work[number] for number in row["after"]], tell))
     for request in work:
         request.start()
@@ -522,7 +524,7 @@ def answer_all(requested: dict[str, Any], tell: Callable[[str, dict[str, Any]], 
     end_all()
 
 
-def main(requested: dict[str, Any]) -> None:
+def main(batch: dict[str, Any]) -> None:
     """Answer on the standard output; when nobody reads it any more, all is over."""
     lock = threading.Lock()
 
@@ -535,5 +537,5 @@ def main(requested: dict[str, Any]) -> None:
                 end_all()
                 os._exit(1)
 
-    answer_all(requested, tell)
+    answer_all(batch, tell)
     os._exit(0)  # threads that hang

@@ -58,11 +58,11 @@ def no_answer(error: OSError, what: str) -> ProbeError:
     return ProbeError(_BY_NUMBER.get(error.errno or 0, "unreachable"), f"{what}: {words}")
 
 
-def packed(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
+def encode_bytes(data: bytes) -> Any:  # noqa: ANN401 - JSON: a text, or a list of one
     """Bytes for JSON in the shorter of two ways: text in Latin-1, which SSH compresses best, or `[base64]`."""
     text = data.decode("latin-1")
-    escaped = sum(byte not in _PLAIN for byte in data)
-    return text if escaped * 4 <= len(data) else [b64encode(data).decode()]
+    escape_count = sum(byte not in _PLAIN for byte in data)
+    return text if escape_count * 4 <= len(data) else [b64encode(data).decode()]
 
 
 class ReceiveBuffer:
@@ -91,12 +91,12 @@ class ReceiveBuffer:
 
     def add(self, data: bytes, sender: str = "") -> None:
         """Keep what came now, as far as there is room; `sender`: address that a datagram came from."""
-        kept = data[: self._left]
-        self._left -= len(kept)
-        if kept:
-            self.chunks.append((round(self.seconds, 3), kept))
+        chunk = data[: self._left]
+        self._left -= len(chunk)
+        if chunk:
+            self.chunks.append((round(self.seconds, 3), chunk))
             self.senders += [sender] if sender else []
-            self.data += kept
+            self.data += chunk
         if self.full:
             self.words = f"cut after {len(self.data)} bytes"
 
@@ -105,7 +105,7 @@ class ReceiveBuffer:
         return {
             "trouble": self.trouble,
             "words": self.words,
-            "chunks": [[at, packed(data)] for at, data in self.chunks],
+            "chunks": [[at, encode_bytes(data)] for at, data in self.chunks],
             **({"senders": self.senders} if self.senders else {}),
             "began": self.began,
             "ended_s": round(self.seconds, 3),
@@ -166,11 +166,11 @@ def converse(
 ) -> None:
     """Say what there is to be said, then listen; what is heard, and how it ended, is in `sound`."""
     line = _SerialStream(number, read, write)
-    answered = _say(question["say"], line, sound)
+    is_answered = _say(question["say"], line, sound)
     ends = time.monotonic() + question["listen_s"]
     enough = re.compile(question["enough"].encode("latin-1")) if question["enough"] else None
     _listen(line, sound, ends, lambda: enough is not None and enough.search(sound.data) is not None)
-    if sound.closed and not answered and (question["say"] or not sound.data):
+    if sound.closed and not is_answered and (question["say"] or not sound.data):
         sound.trouble, sound.words = "closed", f"the other end hung up after {sound.seconds:.1f} s"
     elif sound.closed:
         sound.words = f"the other end hung up after {sound.seconds:.1f} s"
@@ -178,7 +178,7 @@ def converse(
 
 def _say(says: list[list[Any]], line: _SerialStream, sound: ReceiveBuffer) -> bool:
     """Say one thing after the other until one is not answered; whether any was."""
-    answered = False
+    is_answered = False
     for reply, until, within_s in says:
         mark, pattern = len(sound.data), re.compile(until.encode("latin-1"))
         ends = time.monotonic() + within_s
@@ -189,8 +189,8 @@ def _say(says: list[list[Any]], line: _SerialStream, sound: ReceiveBuffer) -> bo
             break
         if not _listen(line, sound, ends, lambda at=mark, seek=pattern: seek.search(sound.data[at:]) is not None):  # type: ignore[misc]
             break
-        answered = True
-    return answered
+        is_answered = True
+    return is_answered
 
 
 def _listen(line: _SerialStream, sound: ReceiveBuffer, ends: float, enough: Callable[[], bool]) -> bool:
@@ -198,13 +198,13 @@ def _listen(line: _SerialStream, sound: ReceiveBuffer, ends: float, enough: Call
     while not sound.closed and not sound.full:
         if enough():
             return True
-        left = ends - time.monotonic()
-        if left <= 0:
+        remaining_s = ends - time.monotonic()
+        if remaining_s <= 0:
             return False
-        received = line.receive(left)
-        if received:
-            sound.add(received)
-        sound.closed = received == b""
+        data = line.receive(remaining_s)
+        if data:
+            sound.add(data)
+        sound.closed = data == b""
     return enough()
 
 
@@ -222,10 +222,10 @@ def udp(question: dict[str, Any], sound: ReceiveBuffer) -> None:
         except OSError as error:
             raise no_answer(error, f"UDP port {question['port']}") from None
         while not sound.full and (enough is None or not enough.search(sound.data)):
-            left = ends - time.monotonic()
-            if left <= 0:
+            remaining_s = ends - time.monotonic()
+            if remaining_s <= 0:
                 return
-            port.settimeout(left)
+            port.settimeout(remaining_s)
             try:
                 data, source = port.recvfrom(_LONGEST)
                 sound.add(data, source[0])
@@ -246,7 +246,7 @@ def serial(question: dict[str, Any], sound: ReceiveBuffer) -> None:
     speed = getattr(termios, f"B{question['baud']}", None)
     if speed is None:
         raise ProbeError("missing", f"{path}: no serial port does {question['baud']} baud")
-    port = _opened(path)
+    port = _open_port(path)
     try:
         before = termios.tcgetattr(port)
         termios.tcsetattr(port, termios.TCSANOW, _raw(before, speed))
@@ -262,7 +262,7 @@ def serial(question: dict[str, Any], sound: ReceiveBuffer) -> None:
         os.close(port)
 
 
-def _opened(path: str) -> int:
+def _open_port(path: str) -> int:
     try:
         there = os.stat(path)  # noqa: PTH116 - the number of the device, under any name
     except OSError as error:
@@ -291,27 +291,27 @@ def _refuse_held(path: str, there: os.stat_result) -> None:
     """Raise NoAnswer if another process has it, or if nobody can tell."""
     for holder in (*_lock_files(path), *_kernel_locks(there)):
         raise ProbeError("busy", f"{path} is locked by process {holder}")
-    hidden = False
+    has_hidden = False
     for process in Path("/proc").iterdir():
         if not process.name.isdigit() or int(process.name) == os.getpid():
             continue
         try:
             if _holds(process, there):
-                raise ProbeError("busy", f"{path} is held by {_named(process)}")
+                raise ProbeError("busy", f"{path} is held by {_describe_process(process)}")
         except PermissionError:
-            hidden = True
+            has_hidden = True
         except OSError:  # it has ended
             continue
-    if hidden and there.st_uid != os.getuid():
+    if has_hidden and there.st_uid != os.getuid():
         raise ProbeError("denied", f"only root sees whether another program holds {path}, so it was not opened")
 
 
 def _holds(process: Path, there: os.stat_result) -> bool:
     """Whether a process has the device open; who has the other end of a pseudo-terminal is the device itself."""
-    opened = dict(_devices(process))
-    if not any(_same(item, there) for item in opened.values()):
+    devices = dict(_devices(process))
+    if not any(_same(item, there) for item in devices.values()):
         return False
-    masters = [name for name, entry in opened.items() if entry.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
+    masters = [name for name, entry in devices.items() if entry.st_rdev == _PTMX and os.major(there.st_rdev) in _PTS]
     return not any(_leads_to(process / "fdinfo" / name, os.minor(there.st_rdev)) for name in masters)
 
 
@@ -334,7 +334,7 @@ def _leads_to(master: Path, number: int) -> bool:
     return False
 
 
-def _named(process: Path) -> str:
+def _describe_process(process: Path) -> str:
     try:
         return f"{(process / 'comm').read_text().strip()} (process {process.name})"
     except OSError:

@@ -23,14 +23,14 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
-from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, troubled
+from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, describe_trouble
 from atlantis_netcfg.checklist.probes.step import (
     Answer,
     Cell,
-    Judged,
     Listen,
     Place,
     Probe,
+    ProbeResult,
     Question,
     RouterOsQuery,
     Rows,
@@ -72,26 +72,26 @@ _SECONDS = {"w": 604_800.0, "d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms
 _PART = r"(\d+(?:\.\d+)?)(ms|[wdhms])"
 
 
-def enabled(settings: Rows) -> bool | None:
+def is_enabled(settings: Rows) -> bool | None:
     """Whether the receiver is switched on; None: nobody says."""
     return _YES.get(settings.rows[0].get("enabled", "")) if settings.rows else None
 
 
-def read_monitor(monitored: Rows, clock: Rows | None = None) -> Reception:
+def read_monitor(monitor: Rows, clock: Rows | None = None) -> Reception:
     """Understand the one row; `clock`: the device's own, for its time zone. Raises nothing."""
-    row = monitored.rows[0] if monitored.rows else {}
+    row = monitor.rows[0] if monitor.rows else {}
     age_s = _age(row.get("data-age", ""))
     count = re.fullmatch(r"\d{1,3}", row.get("satellites", ""))
     hdop = re.fullmatch(r"\d{1,3}(\.\d+)?", row.get("horizontal-dilution", ""))
     return Reception(
         reports=(_report(row),) if row else (),
-        understood=bool(row),
+        is_recognized=bool(row),
         good=len(row),
         satellites=int(count[0]) if count else None,
         hdop=float(hdop[0]) if hdop else None,
         single=True,
         zone_s=_zone_s(clock),
-        began=monitored.heard - age_s if monitored.heard else 0.0,
+        began=monitor.response_time - age_s if monitor.response_time else 0.0,
         ended_s=age_s,
     )
 
@@ -150,7 +150,7 @@ def _zone_s(clock: Rows | None) -> float:
 class StreamGps:
     """The receiver has a fresh fix in the right place, and keeps it."""
 
-    expected: GpsExpectation
+    expectation: GpsExpectation
     place: Place
     address: str = ""
     port: int = 0
@@ -159,8 +159,8 @@ class StreamGps:
 
     def asks(self) -> tuple[Question, ...]:
         """Listen to the stream: gpsd is asked to speak, all others do by themselves."""
-        speaks_json = self.expected.driver is GpsDriver.GPSD
-        count = self.expected.reports
+        speaks_json = self.expectation.driver is GpsDriver.GPSD
+        count = self.expectation.reports
         return (
             Listen(
                 name="positions",
@@ -170,30 +170,33 @@ class StreamGps:
                 port=self.port,
                 device=self.device,
                 baud=self.baud,
-                say=(Say(gpsd.WATCH, gpsd.WATCHED),) if speaks_json else (),
+                say=(Say(gpsd.WATCH, gpsd.WATCH_REPLY),) if speaks_json else (),
                 listen_s=5.0 + 2 * count,
                 enough=gpsd.enough(count) if speaks_json else nmea.enough(count),
             ),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the stream."""
         answer = results["positions"]
         assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-        reception = (gpsd if self.expected.driver is GpsDriver.GPSD else nmea).read(answer)
+        reception = (gpsd if self.expectation.driver is GpsDriver.GPSD else nmea).read(answer)
         if answer.words and answer.trouble is None:
             # The other end hung up in between.
             reception = replace(reception, complaints=(*reception.complaints, answer.words))
         if answer.trouble is not None and not reception.reports:
-            return Judged((troubled(answer.trouble, answer.words, self.expected),), evidence(reception, self.expected))
-        return _judged(reception, self.expected)
+            return ProbeResult(
+                (describe_trouble(answer.trouble, answer.words, self.expectation),),
+                evidence(reception, self.expectation),
+            )
+        return _judge_reception(reception, self.expectation)
 
 
 @dataclass(frozen=True, slots=True)
 class RouterosGps:
     """The router's receiver has a fresh fix in the right place."""
 
-    expected: GpsExpectation
+    expectation: GpsExpectation
     host: str
 
     def asks(self) -> tuple[Question, ...]:
@@ -201,19 +204,19 @@ class RouterosGps:
         queries = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
         return tuple(RouterOsQuery(name, self.host, query) for name, query in queries.items())
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the one position."""
-        monitored, settings, clock = results["monitor"], results["settings"], results["clock"]
-        assert isinstance(monitored, Rows)  # noqa: S101 - what Ask gives
+        monitor, settings, clock = results["monitor"], results["settings"], results["clock"]
+        assert isinstance(monitor, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
         assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
-        if monitored.trouble is not None:
-            return Judged((troubled(monitored.trouble, monitored.words, self.expected),))
-        reception = read_monitor(monitored, clock)
+        if monitor.trouble is not None:
+            return ProbeResult((describe_trouble(monitor.trouble, monitor.words, self.expectation),))
+        reception = read_monitor(monitor, clock)
         unknown = settings.rows is None and settings.trouble is None
-        if unknown or enabled(settings) is False:
-            return Judged((self._off(settings),), evidence(reception, self.expected))
-        return _judged(reception, self.expected)
+        if unknown or is_enabled(settings) is False:
+            return ProbeResult((self._off(settings),), evidence(reception, self.expectation))
+        return _judge_reception(reception, self.expectation)
 
     def _off(self, settings: Rows) -> BearerFinding:
         if settings.rows is None:
@@ -237,16 +240,16 @@ class Nowhere:
         """Ask nothing."""
         return ()
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Say what is missing."""
         del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
-        return Judged((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
-def _judged(reception: Reception, expected: GpsExpectation) -> Judged:
-    return Judged(judge(reception, expected), evidence(reception, expected))
+def _judge_reception(reception: Reception, expectation: GpsExpectation) -> ProbeResult:
+    return ProbeResult(judge(reception, expectation), evidence(reception, expectation))
 
 
 GPSD_PORT = 2947
@@ -298,8 +301,8 @@ def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
     stands = _name(cell, place)
     if endpoint.driver is GpsDriver.NMEA_SERIAL:
         end = f"{endpoint.device} of {stands}"
-        expected = _expectation(cell, endpoint, f"NMEA from {end}", end, stands)
-        return StreamGps(expected, place, device=endpoint.device or "", baud=endpoint.baud)
+        expectation = _expectation(cell, endpoint, f"NMEA from {end}", end, stands)
+        return StreamGps(expectation, place, device=endpoint.device or "", baud=endpoint.baud)
     address = cell.address(endpoint.address)
     if address is None:
         return Nowhere(cell.name)
@@ -316,7 +319,7 @@ def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place
         source=source,
         end=end,
         place=place,
-        fence=cell.declared.checklist.geofence,
+        fence=cell.site_config.checklist.geofence,
         three=_flies(cell),
         clear_sky=endpoint.clear_sky,
         reports=endpoint.reports,

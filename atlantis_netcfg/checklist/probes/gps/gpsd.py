@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.checklist.probes.step import Transcript
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
-WATCHED = rb'"class":"WATCH"'
+WATCH_REPLY = rb'"class":"WATCH"'
 _STATUS = {5: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
 _TPV = rb'\{"class":"TPV"'
 _OTHERS = rb'(?:(?!\{"class":"TPV")[^\n]*\n)*'
@@ -38,24 +38,24 @@ def enough(reports: int) -> bytes:
 @dataclass
 class _GpsdReading:
     reports: dict[str, list[Report]] = field(default_factory=dict)
-    opened: dict[str, bool] | None = None
+    open_devices: dict[str, bool] | None = None
     version: str = ""
     satellites: dict[str, int] = field(default_factory=dict)
     """Used at most, by receiver; only of those whose satellites gpsd sees at all."""
     hdop: dict[str, float] = field(default_factory=dict)
     complaints: list[str] = field(default_factory=list)
-    understood: bool = False
+    is_recognized: bool = False
     good: int = 0
     bad: int = 0
 
     def take(self, at_s: float, line: bytes) -> None:
-        values = _parsed(line)
+        values = _parse_line(line)
         if values is None:
             self.bad += 1
             return
         self.good += 1
         take = getattr(self, f"_{values['class'].lower()}", None) if values["class"] in _CLASSES else None
-        self.understood = self.understood or take is not None
+        self.is_recognized = self.is_recognized or take is not None
         if take is not None:
             take(at_s, values)
 
@@ -63,15 +63,15 @@ class _GpsdReading:
         self.version = _words(values, "release")
 
     def _devices(self, at_s: float, values: Mapping[str, Any]) -> None:
-        listed = values.get("devices")
-        self.opened = {}
-        for item in listed if isinstance(listed, list) else ():
+        devices = values.get("devices")
+        self.open_devices = {}
+        for item in devices if isinstance(devices, list) else ():
             if isinstance(item, dict):
                 self._device(at_s, item)
 
     def _device(self, _: float, values: Mapping[str, Any]) -> None:
-        self.opened = self.opened or {}
-        self.opened[_words(values, "path")] = values.get("activated") != 0
+        self.open_devices = self.open_devices or {}
+        self.open_devices[_words(values, "path")] = values.get("activated") != 0
 
     def _tpv(self, at_s: float, values: Mapping[str, Any]) -> None:
         self.reports.setdefault(_words(values, "device"), []).append(_report(at_s, values))
@@ -79,11 +79,11 @@ class _GpsdReading:
     def _sky(self, _: float, values: Mapping[str, Any]) -> None:
         device = _words(values, "device")
         used, hdop, in_view = _number(values.get("uSat")), _number(values.get("hdop")), _number(values.get("nSat"))
-        seen = values.get("satellites")
-        if used is None and isinstance(seen, list):
-            used = sum(isinstance(item, dict) and item.get("used") is True for item in seen)
+        satellites = values.get("satellites")
+        if used is None and isinstance(satellites, list):
+            used = sum(isinstance(item, dict) and item.get("used") is True for item in satellites)
         # Of a receiver that tells no satellites gpsd says that 0 of 0 are used: nothing follows from that.
-        if used is not None and abs(used) < _MANY and (used or in_view or seen):
+        if used is not None and abs(used) < _MANY and (used or in_view or satellites):
             self.satellites[device] = max(int(used), self.satellites.get(device, 0))
         if hdop is not None:
             self.hdop[device] = hdop
@@ -103,18 +103,18 @@ def read(transcript: Transcript) -> Reception:
     for at_s, line in lines(transcript):
         if line.strip():
             reading.take(at_s, line)
-    device, reports = max(reading.reports.items(), key=lambda item: sum(r.fixed for r in item[1]), default=("", []))
+    device, reports = max(reading.reports.items(), key=lambda item: sum(r.has_fix for r in item[1]), default=("", []))
     others = {path: its for path, its in reading.reports.items() if path != device}
-    opened = reading.opened
+    open_devices = reading.open_devices
     return Reception(
         reports=_complete(reports),
-        understood=reading.understood,
+        is_recognized=reading.is_recognized,
         heard_bytes=len(transcript.data),
         good=reading.good,
         bad=reading.bad,
-        devices=None if opened is None else tuple(path for path, is_open in opened.items() if is_open),
+        devices=None if open_devices is None else tuple(path for path, is_open in open_devices.items() if is_open),
         others=tuple(path or "one without a name" for path in others),
-        rivals=tuple(_complete(its)[-1] for its in others.values() if _complete(its)[-1].fixed),
+        rivals=tuple(_complete(its)[-1] for its in others.values() if _complete(its)[-1].has_fix),
         device=device,
         version=reading.version,
         satellites=reading.satellites.get(device, reading.satellites.get("")),
@@ -127,11 +127,11 @@ def read(transcript: Transcript) -> Reception:
 
 def _complete(reports: Sequence[Report]) -> tuple[Report, ...]:
     """Leave out those that are not whole yet, unless there are no others."""
-    whole = tuple(item for item in reports if not item.fixed or item.latitude is not None or item.time is not None)
-    return whole if any(report.fixed for report in whole) else tuple(reports)
+    whole = tuple(item for item in reports if not item.has_fix or item.latitude is not None or item.time is not None)
+    return whole if any(report.has_fix for report in whole) else tuple(reports)
 
 
-def _parsed(line: bytes) -> dict[str, Any] | None:
+def _parse_line(line: bytes) -> dict[str, Any] | None:
     try:
         reply = json.loads(line)
     except (ValueError, RecursionError):

@@ -79,55 +79,55 @@ RIVAL_M = 100.0
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: Reception, expected: GpsExpectation) -> tuple[BearerFinding, ...]:
+def judge(reception: Reception, expectation: GpsExpectation) -> tuple[BearerFinding, ...]:
     """Give all findings; a source that is well in every respect has one, which passes."""
-    silent = speechless(reception, expected)
+    silent = speechless(reception, expectation)
     if silent is not None:
         return (silent,)
-    found = tuple(_found(reception, expected))
-    return found or (_well(reception, expected),)
+    findings = tuple(_find_problems(reception, expectation))
+    return findings or (_well(reception, expectation),)
 
 
-def _found(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
-    yield from _fix_findings(reception, expected)
+def _find_problems(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+    yield from _fix_findings(reception, expectation)
     if reception.fixes:
-        yield from _dimensions(reception, expected)
-        yield from _misplaced(reception, expected)
-        yield from _mistimed(reception, expected)
-        yield from _nature(reception, expected)
-        yield from _quality(reception, expected)
+        yield from _dimensions(reception, expectation)
+        yield from _check_position(reception, expectation)
+        yield from _check_time(reception, expectation)
+        yield from _nature(reception, expectation)
+        yield from _quality(reception, expectation)
     total = reception.good + reception.bad
     if reception.bad > 1 and reception.bad > BAD_SHARE * total:
-        message = f"{reception.bad} of {total} lines from {expected.end} are damaged"
+        message = f"{reception.bad} of {total} lines from {expectation.end} are damaged"
         verdict = Verdict.FAIL if reception.bad > WORST_SHARE * total else Verdict.WARN
         hint = "look at the cable, the baud rate, and for a second talker on the line"
         yield BearerFinding(verdict, "damaged", message, hint)
 
 
-def _fix_findings(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _fix_findings(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """Whether there is a fix, and whether it stays."""
-    sky = Verdict.FAIL if expected.clear_sky else Verdict.INCONCLUSIVE
-    roof = "" if expected.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
-    count, needed = len(reception.fixes), expected.reports
-    if not any(report.fixed for report in reception.reports):
-        message = f"{expected.name}'s receiver works and has no fix{roof}"
+    sky = Verdict.FAIL if expectation.clear_sky else Verdict.INCONCLUSIVE
+    roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
+    count, required_count = len(reception.fixes), expectation.reports
+    if not any(report.has_fix for report in reception.reports):
+        message = f"{expectation.name}'s receiver works and has no fix{roof}"
         yield BearerFinding(
             sky, "no-fix", message, "bring the antenna under an open sky and wait a minute; then look at its cable"
         )
-    elif not count or (reception.losses and count < needed):
-        message = f"{expected.name}'s receiver had a fix and lost it while we listened{roof}"
+    elif not count or (reception.losses and count < required_count):
+        message = f"{expectation.name}'s receiver had a fix and lost it while we listened{roof}"
         yield BearerFinding(
             sky, "fix-lost", message, "look at what stands over the antenna, at its cable, and for jammers near it"
         )
     elif reception.losses:
-        message = f"{expected.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
+        message = f"{expectation.name}'s fix was lost and came back while we listened, {_times(reception.losses)}"
         yield BearerFinding(
             Verdict.WARN, "fix-unsteady", message, "look at what stands over the antenna, and at its cable"
         )
-    elif count < needed and not reception.single and _stalled(reception, expected) is None:
-        message = f"{count} of {needed} positions came in {reception.ended_s:.0f} s"
+    elif count < required_count and not reception.single and _check_stall(reception, expectation) is None:
+        message = f"{count} of {required_count} positions came in {reception.ended_s:.0f} s"
         hint = "let the receiver report once a second, or repeat this item"
-        few = count < min(FEWEST, needed)
+        few = count < min(FEWEST, required_count)
         yield BearerFinding(Verdict.INCONCLUSIVE if few else Verdict.WARN, "few-reports", message, hint)
 
 
@@ -135,36 +135,36 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
-    if expected.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
-        message = f"{expected.name} has a 2D fix and flies: its height is not measured"
+def _dimensions(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+    if expectation.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
+        message = f"{expectation.name} has a 2D fix and flies: its height is not measured"
         yield BearerFinding(
             Verdict.FAIL, "fix-2d", message, "wait under an open sky until the fix has three dimensions"
         )
 
 
-def _misplaced(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _check_position(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """Judge where the fixes are; one that is impossible says so and nothing else."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
         where = place(impossible[0].latitude, impossible[0].longitude)
-        message = f"{expected.name}'s receiver claims a fix at {where}, which is no position"
+        message = f"{expectation.name}'s receiver claims a fix at {where}, which is no position"
         yield BearerFinding(Verdict.FAIL, "position-impossible", message, "restart the receiver and its driver")
         return
     positions = [_position(fix) for fix in reception.fixes]
     if any(abs(latitude) < NULL_DEGREES and abs(longitude) < NULL_DEGREES for latitude, longitude in positions):
-        message = f"{expected.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
+        message = f"{expectation.name}'s position is 0, 0: its driver fills in zeros where it has nothing"
         yield BearerFinding(
             Verdict.FAIL, "position-null", message, "restart the driver; it must not claim a fix without a position"
         )
         return
-    yield from _jumps(reception.fixes, positions, expected)
-    yield from _frozen(reception.fixes, positions, expected)
-    yield from _rivals(reception, positions[-1], expected)
-    if expected.fence is not None:
-        yield from _outside(positions, expected.fence, expected)
+    yield from _jumps(reception.fixes, positions, expectation)
+    yield from _frozen(reception.fixes, positions, expectation)
+    yield from _rivals(reception, positions[-1], expectation)
+    if expectation.fence is not None:
+        yield from _outside(positions, expectation.fence, expectation)
     else:
-        message = f"{expected.name} is at {place(*positions[-1])}; nobody has declared where it should be"
+        message = f"{expectation.name} is at {place(*positions[-1])}; nobody has declared where it should be"
         yield BearerFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
 
 
@@ -172,12 +172,12 @@ def _position(report: Report) -> tuple[float, float]:
     return report.latitude or 0.0, report.longitude or 0.0
 
 
-def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _jumps(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
     if wide:
-        message = f"{expected.name}'s position jumps by {meters(max(wide))} from one report to the next"
+        message = f"{expectation.name}'s position jumps by {meters(max(wide))} from one report to the next"
         yield BearerFinding(
             Verdict.FAIL,
             "position-jumps",
@@ -186,43 +186,49 @@ def _jumps(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectat
         )
 
 
-def _frozen(fixes: Sequence[Report], positions: _Positions, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _frozen(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """A driver that repeats a position while time and speed go on."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
     if lasted_s < MOVES_S or len(set(positions)) > 1 or any(item is None or item < MOVES_M_S for item in speeds):
         return
     speed = min(entry for entry in speeds if entry is not None)
-    message = f"{expected.name}'s position stands still while its speed is {speed:.1f} m/s"
+    message = f"{expectation.name}'s position stands still while its speed is {speed:.1f} m/s"
     yield BearerFinding(
         Verdict.FAIL, "position-frozen", message, "restart the driver: it repeats the position that it had"
     )
 
 
-def _rivals(reception: Reception, position: tuple[float, float], expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _rivals(
+    reception: Reception, position: tuple[float, float], expectation: GpsExpectation
+) -> Iterator[BearerFinding]:
     """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
     if apart and max(apart) > RIVAL_M:
-        message = f"two positions come from {expected.end}, {meters(max(apart))} apart: which is {expected.name}'s?"
+        message = (
+            f"two positions come from {expectation.end}, {meters(max(apart))} apart: which is {expectation.name}'s?"
+        )
         hint = "give each receiver a port of its own, and declare the one that the vehicle uses"
         yield BearerFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _outside(positions: _Positions, fence: Geofence, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
     far = max(outside, key=lambda item: from_middle_m(fence, *item))
     if all(_inside(fence, longitude, latitude) for latitude, longitude in outside):
         text = f"{place(*far)} lies in the geofence the other way round"
-        message = f"{expected.name}'s latitude and longitude are swapped: {text}"
+        message = f"{expectation.name}'s latitude and longitude are swapped: {text}"
         hint = (
             "mend the driver or the converter that exchanges them: latitude comes first, longitudes west are negative"
         )
         yield BearerFinding(Verdict.FAIL, "position-swapped", message, hint)
         return
     away = meters(from_middle_m(fence, *far))
-    message = f"{expected.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
+    message = (
+        f"{expectation.name} is at {place(*far)}, {away} from the middle of the geofence of {meters(fence.radius_m)}"
+    )
     yield BearerFinding(Verdict.FAIL, "outside-geofence", message, _sign(fence, *far))
 
 
@@ -238,27 +244,27 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _mistimed(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _check_time(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
-    stale = _stalled(reception, expected)
+    stale = _check_stall(reception, expectation)
     if stale is not None:
         yield stale
         return
     if all(item.time is None for item in reception.fixes):
         hint = "let the receiver send RMC or ZDA as well"
         if all(fix.of_day is None for fix in reception.fixes):
-            message = f"{expected.name}'s positions have no time: nobody can tell whether they are of now"
+            message = f"{expectation.name}'s positions have no time: nobody can tell whether they are of now"
             yield BearerFinding(Verdict.INCONCLUSIVE, "no-time", message, hint)
         else:
-            message = f"{expected.name}'s positions have a time and no date: GGA and GLL have none"
+            message = f"{expectation.name}'s positions have a time and no date: GGA and GLL have none"
             yield BearerFinding(Verdict.WARN, "no-date", message, hint)
     back_s = max((_back_s(report, then) for report, then in pairwise(reception.fixes)), default=0.0)
     if back_s > BACK_S:
-        message = f"{expected.name}'s time goes back by {_span(back_s)} from one position to the next"
+        message = f"{expectation.name}'s time goes back by {_span(back_s)} from one position to the next"
         hint = "look whether two receivers talk on this line, or a recorded log begins again and again"
         yield BearerFinding(Verdict.FAIL, "time-goes-back", message, hint)
         return
-    yield from _clock(reception, expected)
+    yield from _clock(reception, expectation)
 
 
 def _back_s(report: Report, then: Report) -> float:
@@ -269,46 +275,48 @@ def _back_s(report: Report, then: Report) -> float:
     return 0.0
 
 
-def _stalled(reception: Reception, expected: GpsExpectation) -> BearerFinding | None:
+def _check_stall(reception: Reception, expectation: GpsExpectation) -> BearerFinding | None:
     """Say that the last fix is old, because no more came or the same is told again and again."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
     age_s = reception.ended_s - fixes[-1].at_s
     # Whoever reports rarely is late between two reports, and is told that it is slow.
-    if age_s > expected.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
-        message = f"{expected.name}'s last position is {age_s:.0f} s old: no more came"
+    if age_s > expectation.max_age_s and age_s > 1.5 * max(gaps, default=0.0):
+        message = f"{expectation.name}'s last position is {age_s:.0f} s old: no more came"
         return BearerFinding(Verdict.FAIL, "fix-stale", message, "look whether the receiver and its driver still run")
     first = len(fixes) - 1
     while first and fixes[first - 1].stamp == fixes[-1].stamp is not None:
         first -= 1
     repeats = len(fixes) - first
-    if repeats < min(3, expected.reports):
+    if repeats < min(3, expectation.reports):
         return None
-    if repeats >= expected.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
-        message = f"{expected.name}'s receiver tells the same position again and again: its time stands still"
+    if repeats >= expectation.reports or fixes[-1].at_s - fixes[first].at_s > STANDS_S:
+        message = f"{expectation.name}'s receiver tells the same position again and again: its time stands still"
         return BearerFinding(
             Verdict.FAIL, "fix-stale", message, "restart the receiver; its driver repeats what it had last"
         )
     return None
 
 
-def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _clock(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
-    whose = clock_of(reception, expected)
+    whose = clock_of(reception, expectation)
     if ahead_s is None:
         if any(fix.stamp is not None for fix in reception.fixes):
-            message = f"nobody has compared the time of {expected.name}'s receiver with a clock"
+            message = f"nobody has compared the time of {expectation.name}'s receiver with a clock"
             yield BearerFinding(Verdict.INCONCLUSIVE, "clock-unknown", message, "repeat this item")
         return
     if uneven_s > UNEVEN_S:
-        message = f"{expected.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
+        message = (
+            f"{expectation.name}'s time does not go as the clock of {whose} does: they move {_span(uneven_s)} apart"
+        )
         hint = "look whether a recorded log is replayed to this end, at another pace than it was recorded"
         yield BearerFinding(Verdict.FAIL, "time-uneven", message, hint)
         return
     if abs(ahead_s) <= CLOCK_S or (reception.zone_s and abs(ahead_s - reception.zone_s) <= CLOCK_S):
         return
-    message = f"{expected.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
+    message = f"{expectation.name}'s receiver is {clock_words(ahead_s)} the clock of {whose}"
     verdict = Verdict.FAIL if ahead_s < 0 else Verdict.INCONCLUSIVE
     hint = f"see which of the two is wrong: compare both with a third clock, {whose} with its time server"
     if _multiple(ahead_s, ROLLOVER_S):
@@ -325,9 +333,9 @@ def _clock(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFin
     yield BearerFinding(verdict, "clock-differs", message, hint)
 
 
-def clock_of(reception: Reception, expected: GpsExpectation) -> str:
+def clock_of(reception: Reception, expectation: GpsExpectation) -> str:
     """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
-    return "this computer" if reception.single else expected.place
+    return "this computer" if reception.single else expectation.place
 
 
 def _zone(ahead_s: float) -> bool:
@@ -350,21 +358,21 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _nature(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     """How the positions came about: one that is not measured is enough to say so."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
     if nature is not None:
         verdict, hint = _NATURES[nature]
         code = f"position-{nature.name.lower().replace('_', '-')}"
-        yield BearerFinding(verdict, code, f"{expected.name}'s position is {nature}, not measured", hint)
+        yield BearerFinding(verdict, code, f"{expectation.name}'s position is {nature}, not measured", hint)
         return
     count = reception.satellites
     if count is not None and count < LEAST_SATELLITES:
-        message = f"{expected.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
+        message = f"{expectation.name}'s receiver claims a fix of {count} satellites: {LEAST_SATELLITES} are the fewest"
         hint = "find out where the position comes from: a simulator, a fixed position, or a driver that fills it in"
         # gpsd counts by numbers that some receivers give otherwise in GSA than in GSV (geos-1m of its own logs).
-        verdict = Verdict.WARN if expected.driver is GpsDriver.GPSD else Verdict.FAIL
+        verdict = Verdict.WARN if expectation.driver is GpsDriver.GPSD else Verdict.FAIL
         yield BearerFinding(verdict, "no-satellites", message, hint)
 
 
@@ -379,65 +387,68 @@ _NATURES = {
 """Worst first."""
 
 
-def _quality(reception: Reception, expected: GpsExpectation) -> Iterator[BearerFinding]:
+def _quality(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
     if eph_m is not None and not 0 <= eph_m <= POOR_EPH_M:
-        nothing = expected.fence is not None and not 0 <= eph_m <= expected.fence.radius_m
-        message = f"{expected.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
+        nothing = expectation.fence is not None and not 0 <= eph_m <= expectation.fence.radius_m
+        message = f"{expectation.name}'s position is uncertain: the receiver's estimate is {meters(eph_m)}"
         yield BearerFinding(Verdict.INCONCLUSIVE if nothing else Verdict.WARN, "position-uncertain", message, hint)
     elif hdop is not None and not 0 <= hdop <= POOR_HDOP:
-        message = f"{expected.name}'s satellites stand badly: HDOP {hdop:.1f}"
+        message = f"{expectation.name}'s satellites stand badly: HDOP {hdop:.1f}"
         verdict = Verdict.WARN if 0 <= hdop <= NO_HDOP else Verdict.INCONCLUSIVE
         yield BearerFinding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: Reception, expected: GpsExpectation) -> BearerFinding:
+def _well(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
-    if expected.fence is not None and last.latitude is not None and last.longitude is not None:
+    if expectation.fence is not None and last.latitude is not None and last.longitude is not None:
         where += (
-            f", {meters(from_middle_m(expected.fence, last.latitude, last.longitude))} from the middle of the geofence"
+            f", {meters(from_middle_m(expectation.fence, last.latitude, last.longitude))} from the middle of the "
+            "geofence"
         )
-    return BearerFinding(Verdict.PASS, "fix", f"{expected.name} has a {last.mode}D fix{count} at {where}")
+    return BearerFinding(Verdict.PASS, "fix", f"{expectation.name} has a {last.mode}D fix{count} at {where}")
 
 
-_READ, _MEASURED, _DECLARED = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
+_READ, _MEASUREMENT, _DECLARATION = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
 
 
-def evidence(reception: Reception, expected: GpsExpectation) -> tuple[Evidence, ...]:
+def evidence(reception: Reception, expectation: GpsExpectation) -> tuple[Evidence, ...]:
     """Give source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
     device = f", {reception.device}" if reception.device else ""
-    source = expected.source.replace("gpsd", f"gpsd{version}", 1) + device
-    seen = [Evidence(type=_READ, what="source", value=source)]
+    source = expectation.source.replace("gpsd", f"gpsd{version}", 1) + device
+    items = [Evidence(type=_READ, what="source", value=source)]
     if reception.others:
-        seen.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
-    seen += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
+        items.append(Evidence(type=_READ, what="other receivers, left aside", value=", ".join(reception.others)))
+    items += [Evidence(type=_READ, what="complaint of the source", value=words) for words in reception.complaints[:3]]
     if reception.reports:
-        seen += _reception_evidence(reception, expected)
-    return tuple(seen)
+        items += _reception_evidence(reception, expectation)
+    return tuple(items)
 
 
-def _reception_evidence(reception: Reception, expected: GpsExpectation) -> Iterator[Evidence]:
+def _reception_evidence(reception: Reception, expectation: GpsExpectation) -> Iterator[Evidence]:
     last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
-    if last.fixed:
+    if last.has_fix:
         yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))
     yield Evidence(type=_READ, what="fix", value=_fix(last, reception))
-    if last.fixed:
-        yield Evidence(type=_MEASURED, what="age of the last position", value=f"{reception.ended_s - last.at_s:.1f} s")
+    if last.has_fix:
+        yield Evidence(
+            type=_MEASUREMENT, what="age of the last position", value=f"{reception.ended_s - last.at_s:.1f} s"
+        )
     ahead_s = reception.clock_ahead_s
     if ahead_s is not None:
-        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expected)}"
-        yield Evidence(type=_MEASURED, what="time of the receiver", value=value)
-    yield Evidence(type=_MEASURED, what="reports", value=_count(reception))
-    yield Evidence(type=_DECLARED, what="geofence", value=_fence(last, expected))
+        value = f"{clock_words(ahead_s)} the clock of {clock_of(reception, expectation)}"
+        yield Evidence(type=_MEASUREMENT, what="time of the receiver", value=value)
+    yield Evidence(type=_MEASUREMENT, what="reports", value=_count(reception))
+    yield Evidence(type=_DECLARATION, what="geofence", value=_fence(last, expectation))
 
 
 def _fix(last: Report, reception: Reception) -> str:
-    words = [f"{last.mode}D" if last.fixed else "none"]
+    words = [f"{last.mode}D" if last.has_fix else "none"]
     if reception.satellites is not None:
         words.append(f"{reception.satellites} satellites")
     if reception.hdop is not None:
@@ -452,11 +463,11 @@ def _count(reception: Reception) -> str:
     return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
 
 
-def _fence(last: Report, expected: GpsExpectation) -> str:
-    fence = expected.fence
+def _fence(last: Report, expectation: GpsExpectation) -> str:
+    fence = expectation.fence
     if fence is None:
         return "none is declared"
     words = f"{place(fence.latitude, fence.longitude)}, {meters(fence.radius_m)} around"
-    if last.fixed and last.possible and last.latitude is not None and last.longitude is not None:
+    if last.has_fix and last.possible and last.latitude is not None and last.longitude is not None:
         words += f"; the position is {meters(from_middle_m(fence, last.latitude, last.longitude))} from its middle"
     return words

@@ -40,21 +40,21 @@ def checksum(body: bytes) -> int:
 
 def sentence(line: bytes) -> list[str] | None:
     """The fields of a sentence, its address field first; None: it is none, or its checksum is wrong."""
-    framed = _FRAME.fullmatch(line)
-    if framed is None or checksum(framed[1]) != int(framed[2], 16):
+    frame = _FRAME.fullmatch(line)
+    if frame is None or checksum(frame[1]) != int(frame[2], 16):
         return None
-    return framed[1].decode("ascii").split(",")
+    return frame[1].decode("ascii").split(",")
 
 
-def _untagged(line: bytes, before: str) -> tuple[bytes, str] | None:
+def _strip_tag(line: bytes, before: str) -> tuple[bytes, str] | None:
     r"""Take `\s:source*hh\` off; `before`: the source before, for lines of a group. None: its checksum is wrong."""
     if not line.startswith(b"\\"):
         return line, ""
     tag = _TAG.match(line)
     if tag is None or checksum(tag[1]) != int(tag[2], 16):
         return None
-    named = re.search(r"(?:^|,)s:([^,]{1,40})", tag[1].decode("ascii"))
-    return line[tag.end() :], named[1] if named else before
+    source = re.search(r"(?:^|,)s:([^,]{1,40})", tag[1].decode("ascii"))
+    return line[tag.end() :], source[1] if source else before
 
 
 def enough(reports: int) -> bytes:
@@ -90,14 +90,14 @@ class _Epochs:
 
     def take(self, at_s: float, fields: Sequence[str]) -> None:
         kind = fields[0][2:] if len(fields[0]) == _ADDRESS else ""
-        padded = [*fields, *[""] * 20]
+        columns = [*fields, *[""] * 20]
         if kind in _POSITIONS:
-            time = padded[5] if kind == "GLL" else padded[1]
-            getattr(self, f"_{kind.lower()}")(self._epoch(at_s, kind, time), padded)
+            time = columns[5] if kind == "GLL" else columns[1]
+            getattr(self, f"_{kind.lower()}")(self._epoch(at_s, kind, time), columns)
         elif kind == "GSA":
-            self._gsa(int(padded[2]) if padded[2] in {"1", "2", "3"} else None)
-        elif kind == "ZDA" and all(part.isdecimal() for part in padded[2:5]):
-            self.date = f"{padded[2]:0>2}{padded[3]:0>2}{padded[4][-2:]}"
+            self._gsa(int(columns[2]) if columns[2] in {"1", "2", "3"} else None)
+        elif kind == "ZDA" and all(part.isdecimal() for part in columns[2:5]):
+            self.date = f"{columns[2]:0>2}{columns[3]:0>2}{columns[4][-2:]}"
 
     def _epoch(self, at_s: float, kind: str, time: str) -> Report:
         of_day = _of_day(time)
@@ -119,7 +119,9 @@ class _Epochs:
             return
         self._used(fields[7:9])
         three = 3 if _number(fields[9]) is not None else 2
-        self.open = replace(self._placed(report, fields[2:6]), mode=three, nature=_QUALITY.get(quality, report.nature))
+        self.open = replace(
+            self._with_position(report, fields[2:6]), mode=three, nature=_QUALITY.get(quality, report.nature)
+        )
 
     def _gns(self, report: Report, fields: Sequence[str]) -> None:
         """One mode indicator for each system; `N`: it is not used."""
@@ -131,7 +133,7 @@ class _Epochs:
         self._used(fields[7:9])
         three = 3 if _number(fields[9]) is not None else 2
         nature = next((_INDICATOR[item] for item in "SME" if item in used), report.nature)
-        self.open = replace(self._placed(report, fields[2:6]), mode=three, nature=nature)
+        self.open = replace(self._with_position(report, fields[2:6]), mode=three, nature=nature)
 
     def _used(self, fields: Sequence[str]) -> None:
         """How many satellites, and how they stand."""
@@ -140,28 +142,28 @@ class _Epochs:
         self.hdop = _number(fields[1]) or self.hdop
 
     def _rmc(self, report: Report, fields: Sequence[str]) -> None:
-        dated = replace(report, time=_dated(fields[9], report.of_day))
+        new_report = replace(report, time=_parse_date(fields[9], report.of_day))
         knots = _number(fields[7])
         speed = None if knots is None else knots * _KNOT_M_S
-        self._flagged(replace(dated, speed_m_s=speed), fields[2], fields[12], fields[3:7])
+        self._take_status(replace(new_report, speed_m_s=speed), fields[2], fields[12], fields[3:7])
 
     def _gll(self, report: Report, fields: Sequence[str]) -> None:
-        self._flagged(report, fields[6], fields[7], fields[1:5])
+        self._take_status(report, fields[6], fields[7], fields[1:5])
 
-    def _flagged(self, report: Report, status: str, indicator: str, place: Sequence[str]) -> None:
+    def _take_status(self, report: Report, status: str, indicator: str, place: Sequence[str]) -> None:
         """Take in a sentence that says `A` or `V`, and perhaps how the position came about."""
         self.void = self.void or status == "V" or indicator == "N"
         if status != "A":
             self.open = report
             return
         nature = _INDICATOR.get(indicator, report.nature)
-        self.open = replace(self._placed(report, place), mode=max(report.mode or 2, 2), nature=nature)
+        self.open = replace(self._with_position(report, place), mode=max(report.mode or 2, 2), nature=nature)
 
-    def _placed(self, report: Report, fields: Sequence[str]) -> Report:
-        placed = _placed(report, fields)
-        if report.latitude is not None and placed != report:
+    def _with_position(self, report: Report, fields: Sequence[str]) -> Report:
+        new_report = _set_position(report, fields)
+        if report.latitude is not None and new_report != report:
             self.doubles.append(report)
-        return placed
+        return new_report
 
     def close(self) -> None:
         """Take the epoch that is open as whole."""
@@ -175,7 +177,7 @@ class _Epochs:
         if self.void or self.dimensions == 1:
             return replace(report, mode=1)
         mode = report.mode if report.mode is None or self.dimensions is None else self.dimensions
-        time = report.time if report.time is not None else _dated(self.date, report.of_day)
+        time = report.time if report.time is not None else _parse_date(self.date, report.of_day)
         return replace(report, mode=mode, time=time)
 
 
@@ -190,7 +192,7 @@ def read(transcript: Transcript) -> Reception:
     good = bad = 0
     source = ""
     for number, (at_s, line) in enumerate(lines(transcript)):
-        plain = _untagged(line, source)
+        plain = _strip_tag(line, source)
         fields = None if plain is None else sentence(plain[0])
         if plain is not None and fields is not None:
             good += 1
@@ -202,17 +204,17 @@ def read(transcript: Transcript) -> Reception:
     for source_epochs in sources.values():
         source_epochs.close()
     device, epochs = max(
-        sources.items(), key=lambda entry: sum(r.fixed for r in entry[1].reports), default=("", _Epochs())
+        sources.items(), key=lambda entry: sum(r.has_fix for r in entry[1].reports), default=("", _Epochs())
     )
     others = {name: item for name, item in sources.items() if name != device and item.reports}
     return Reception(
         reports=tuple(epochs.reports),
-        understood=good > 0,
+        is_recognized=good > 0,
         heard_bytes=len(transcript.data),
         good=good,
         bad=bad,
         others=tuple(name or "one without a name" for name in others),
-        rivals=(*epochs.doubles, *(other.reports[-1] for other in others.values() if other.reports[-1].fixed)),
+        rivals=(*epochs.doubles, *(other.reports[-1] for other in others.values() if other.reports[-1].has_fix)),
         device=device,
         satellites=epochs.satellites,
         hdop=epochs.hdop,
@@ -230,7 +232,7 @@ def _of_day(text: str) -> float | None:
     return int(match[1]) * 3600 + int(match[2]) * 60 + float(match[3]) if match else None
 
 
-def _dated(text: str, of_day: float | None) -> float | None:
+def _parse_date(text: str, of_day: float | None) -> float | None:
     match = re.fullmatch(r"(\d\d)(\d\d)(\d\d)", text)
     if match is None or of_day is None:
         return None
@@ -242,7 +244,7 @@ def _dated(text: str, of_day: float | None) -> float | None:
     return (midnight + timedelta(seconds=of_day)).timestamp()
 
 
-def _placed(report: Report, fields: Sequence[str]) -> Report:
+def _set_position(report: Report, fields: Sequence[str]) -> Report:
     latitude = _degrees(fields[0], fields[1], 2, "N", "S")
     longitude = _degrees(fields[2], fields[3], 3, "E", "W")
     return replace(report, latitude=latitude, longitude=longitude)

@@ -77,7 +77,7 @@ class Report:
     """Over ground."""
 
     @property
-    def fixed(self) -> bool:
+    def has_fix(self) -> bool:
         """Whether the receiver claims a fix."""
         return self.mode is not None and self.mode >= 2  # noqa: PLR2004 - 2D
 
@@ -105,7 +105,7 @@ class Reception:
 
     reports: tuple[Report, ...] = ()
     """Of one receiver, in the order in which they came."""
-    understood: bool = False
+    is_recognized: bool = False
     """Whether anything of the source's language came at all."""
     heard_bytes: int = 0
     good: int = 0
@@ -139,7 +139,7 @@ class Reception:
     def __post_init__(self) -> None:
         """Find them."""
         start = len(self.reports)
-        while start and self.reports[start - 1].fixed:
+        while start and self.reports[start - 1].has_fix:
             start -= 1
         object.__setattr__(self, "fixes", self.reports[start:])
 
@@ -147,7 +147,7 @@ class Reception:
     def losses(self) -> int:
         """How often a fix was followed by none."""
         return sum(
-            report.fixed and not then.fixed for report, then in zip(self.reports, self.reports[1:], strict=False)
+            report.has_fix and not then.has_fix for report, then in zip(self.reports, self.reports[1:], strict=False)
         )
 
     @property
@@ -163,9 +163,9 @@ class Reception:
     def _ahead_s(self) -> list[float]:
         if not self.began:
             return []
-        dated = [report.time - self.began - report.at_s for report in self.fixes if report.time is not None]
-        undated = [at_day(fix.of_day - self.began - fix.at_s) for fix in self.fixes if fix.of_day is not None]
-        return dated or undated
+        offsets = [report.time - self.began - report.at_s for report in self.fixes if report.time is not None]
+        day_offsets = [at_day(fix.of_day - self.began - fix.at_s) for fix in self.fixes if fix.of_day is not None]
+        return offsets or day_offsets
 
 
 def at_day(seconds: float) -> float:
@@ -193,124 +193,127 @@ _INCONCLUSIVE, _FAIL = Verdict.INCONCLUSIVE, Verdict.FAIL
 _STREAM = "read what the program that has it passes on: declare `driver: gpsd` or `nmea_tcp`"
 
 
-def troubled(trouble: Trouble, words: str, expected: GpsExpectation) -> BearerFinding:
+def describe_trouble(trouble: Trouble, words: str, expectation: GpsExpectation) -> BearerFinding:
     """Say why nothing could be heard."""
     text = f": {words}" if words else ""
     return {
         Trouble.NO_PLACE: lambda: BearerFinding(
             _INCONCLUSIVE,
             "place-not-reached",
-            f"nobody has listened to {expected.source}: {expected.place} was not reached{text}",
-            f"bring {expected.place} back first, then repeat this item",
+            f"nobody has listened to {expectation.source}: {expectation.place} was not reached{text}",
+            f"bring {expectation.place} back first, then repeat this item",
         ),
         Trouble.SILENT: lambda: BearerFinding(
             _INCONCLUSIVE,
             "no-answer",
-            f"nobody answers at {expected.end}: {expected.name} is off, or not in the network",
-            f"switch {expected.name} on and look at its Wi-Fi or cable first",
+            f"nobody answers at {expectation.end}: {expectation.name} is off, or not in the network",
+            f"switch {expectation.name} on and look at its Wi-Fi or cable first",
         ),
         Trouble.UNREACHABLE: lambda: BearerFinding(
             _INCONCLUSIVE,
             "no-route",
-            f"{expected.place} has no way to {expected.end}",
-            f"connect {expected.place} with the network of {expected.name} first",
+            f"{expectation.place} has no way to {expectation.end}",
+            f"connect {expectation.place} with the network of {expectation.name} first",
         ),
-        Trouble.REFUSED: lambda: _refused(expected),
+        Trouble.REFUSED: lambda: _refusal_finding(expectation),
         Trouble.BUSY: lambda: BearerFinding(
             _INCONCLUSIVE,
             "in-use",
-            f"{expected.end} is in use by another program, and was left alone{text}",
+            f"{expectation.end} is in use by another program, and was left alone{text}",
             _STREAM,
         ),
         Trouble.CLOSED: lambda: BearerFinding(
             _INCONCLUSIVE,
             "in-use",
-            f"{expected.end} hung up at once, as a server does that serves one client and has it",
+            f"{expectation.end} hung up at once, as a server does that serves one client and has it",
             "repeat this item while the vehicle's own software is stopped, or " + _STREAM,
         ),
         Trouble.MISSING: lambda: BearerFinding(
             _FAIL,
             "device-missing",
-            f"there is no {expected.end}: the receiver is not plugged in, or has another name",
+            f"there is no {expectation.end}: the receiver is not plugged in, or has another name",
             "plug the receiver in, and compare `device:` with /dev/serial/by-id",
         ),
         Trouble.DENIED: lambda: BearerFinding(
             _INCONCLUSIVE,
             "not-allowed",
-            f"{expected.end} may not be read{text}",
+            f"{expectation.end} may not be read{text}",
             "put the account that listens into the group of the port: dialout",
         ),
     }[trouble]()
 
 
-def _refused(expected: GpsExpectation) -> BearerFinding:
-    if expected.driver is GpsDriver.GPSD:
+def _refusal_finding(expectation: GpsExpectation) -> BearerFinding:
+    if expectation.driver is GpsDriver.GPSD:
         return BearerFinding(
             _FAIL,
             "driver-not-started",
-            f"{expected.name} is there, but no gpsd listens at {expected.end}",
-            f"start gpsd on {expected.name}, with its option -G: without it gpsd serves its own computer only",
+            f"{expectation.name} is there, but no gpsd listens at {expectation.end}",
+            f"start gpsd on {expectation.name}, with its option -G: without it gpsd serves its own computer only",
         )
     return BearerFinding(
         _INCONCLUSIVE,
         "refused",
-        f"{expected.end} turns us away: its program is not started, or serves one client and has it",
-        f"look on {expected.name} whether the program that passes NMEA on runs, and who is connected to it",
+        f"{expectation.end} turns us away: its program is not started, or serves one client and has it",
+        f"look on {expectation.name} whether the program that passes NMEA on runs, and who is connected to it",
     )
 
 
-def speechless(reception: Reception, expected: GpsExpectation) -> BearerFinding | None:
+def speechless(reception: Reception, expectation: GpsExpectation) -> BearerFinding | None:
     """Say what is wrong with a source that is there and tells no position at all; None: it tells."""
     if reception.reports:
         return None
-    if not reception.understood and reception.heard_bytes:
-        return _foreign(reception, expected)
+    if not reception.is_recognized and reception.heard_bytes:
+        return _foreign(reception, expectation)
     if reception.devices is not None and not reception.devices:
         return BearerFinding(
             _FAIL,
             "device-missing",
-            f"{expected.source} runs, but has no receiver open",
+            f"{expectation.source} runs, but has no receiver open",
             "plug the receiver in; DEVICES of /etc/default/gpsd names its port, and gpsd's log says why it fails",
         )
-    return _no_data(reception, expected)
+    return _no_data(reception, expectation)
 
 
-def _foreign(reception: Reception, expected: GpsExpectation) -> BearerFinding:
-    if expected.driver is GpsDriver.GPSD:
+def _foreign(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
+    if expectation.driver is GpsDriver.GPSD:
         return BearerFinding(
             _FAIL,
             "not-gpsd",
-            f"what answers at {expected.end} is not gpsd: {reception.heard_bytes} bytes,"
+            f"what answers at {expectation.end} is not gpsd: {reception.heard_bytes} bytes,"
             " no line of its JSON among them",
             "compare `port:` with the port on which gpsd listens (2947 unless its option -S says otherwise)",
         )
     hint = "compare `port:` with the port of the NMEA stream"
-    if expected.driver is GpsDriver.NMEA_SERIAL:
+    if expectation.driver is GpsDriver.NMEA_SERIAL:
         hint = "compare `baud:` with the receiver's rate: 4800, 9600, 38400 and 115200 are usual"
-    message = f"{reception.heard_bytes} bytes came from {expected.end}, no whole NMEA sentence among them"
+    message = f"{reception.heard_bytes} bytes came from {expectation.end}, no whole NMEA sentence among them"
     return BearerFinding(_FAIL, "not-nmea", message, hint)
 
 
-def _no_data(reception: Reception, expected: GpsExpectation) -> BearerFinding:
+def _no_data(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
     after = f"in {reception.ended_s:.0f} s"
-    if expected.driver is GpsDriver.GPSD:
+    if expectation.driver is GpsDriver.GPSD:
         devices = ", ".join(reception.devices or ()) or "its receiver"
-        message = f"{expected.source} has opened {devices}, which says nothing {after}"
+        message = f"{expectation.source} has opened {devices}, which says nothing {after}"
         return BearerFinding(
             _FAIL, "no-data", message, "look at the receiver's power and wires; gpsd tries the baud rates itself"
         )
-    if expected.driver is GpsDriver.ROUTEROS:
+    if expectation.driver is GpsDriver.ROUTEROS:
         hint = "compare `port` of `/system gps` with the port of the receiver"
-        return BearerFinding(_FAIL, "no-data", f"{expected.source} tells nothing of its receiver", hint)
-    if reception.understood:
+        return BearerFinding(_FAIL, "no-data", f"{expectation.source} tells nothing of its receiver", hint)
+    if reception.is_recognized:
         message = (
-            f"{reception.good} NMEA sentences came from {expected.end} {after}, no position among them (GGA, RMC, GLL)"
+            f"{reception.good} NMEA sentences came from {expectation.end} {after}, no position among them (GGA, RMC, "
+            "GLL)"
         )
         return BearerFinding(_FAIL, "no-data", message, "let the receiver send GGA, RMC and GSA")
-    if expected.driver is GpsDriver.NMEA_SERIAL:
-        message = f"{expected.end} is there and says nothing {after}"
+    if expectation.driver is GpsDriver.NMEA_SERIAL:
+        message = f"{expectation.end} is there and says nothing {after}"
         return BearerFinding(_FAIL, "no-data", message, "look at the receiver's power and wires")
     # A server for one client may as well let the second one wait.
-    message = f"{expected.end} takes the connection and says nothing {after}"
-    hint = f"look on {expected.name} whether the receiver is on, and whether its program serves one client and has it"
+    message = f"{expectation.end} takes the connection and says nothing {after}"
+    hint = (
+        f"look on {expectation.name} whether the receiver is on, and whether its program serves one client and has it"
+    )
     return BearerFinding(_INCONCLUSIVE, "no-data", message, hint)

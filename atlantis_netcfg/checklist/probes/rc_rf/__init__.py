@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     RcExpectation,
-    armed,
+    check_disarmed,
     doubts,
     judge,
     judge_moved,
@@ -22,7 +22,7 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     unusable,
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
-from atlantis_netcfg.checklist.probes.step import Consent, Judged, Listen, Place, Question, Step, Transcript
+from atlantis_netcfg.checklist.probes.step import Consent, Listen, Place, ProbeResult, Question, Step, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 
@@ -33,28 +33,28 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model import RcRfEndpoint
     from atlantis_netcfg.links import BearerFinding
 
-__all__ = ["RcExpectation", "RcHeard", "SticksMoved", "steps"]
+__all__ = ["RcExpectation", "RcHeard", "StickMovementProbe", "steps"]
 
 
-_READ, _MEASURED = EvidenceType.READ, EvidenceType.MEASURED
+_READ, _MEASUREMENT = EvidenceType.READ, EvidenceType.MEASURED
 
 
-def evidence(received: Stream, expected: RcExpectation) -> tuple[Evidence, ...]:
+def evidence(stream: Stream, expectation: RcExpectation) -> tuple[Evidence, ...]:
     """Give the stream, the systems in it, and what the expected one says."""
-    return tuple(_seen(received, expected)) if received.heard_bytes else ()
+    return tuple(_find_evidence(stream, expectation)) if stream.heard_bytes else ()
 
 
-def _seen(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
-    versions = " and ".join(map(str, received.versions)) or "of no known version"
-    stream = f"MAVLink {versions}, {received.good} frames and {received.bad} damaged pieces in {received.ended_s:.0f} s"
-    yield Evidence(type=_MEASURED, what=f"stream at {expected.end}", value=stream)
-    listed = ", ".join(map(str, received.autopilots)) or "none"
-    yield Evidence(type=_READ, what="system ids with an autopilot", value=listed)
-    system = received.systems.get(expected.system_id, System())
+def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[Evidence]:
+    versions = " and ".join(map(str, source.versions)) or "of no known version"
+    stream = f"MAVLink {versions}, {source.good} frames and {source.bad} damaged pieces in {source.ended_s:.0f} s"
+    yield Evidence(type=_MEASUREMENT, what=f"stream at {expectation.end}", value=stream)
+    autopilots = ", ".join(map(str, source.autopilots)) or "none"
+    yield Evidence(type=_READ, what="system ids with an autopilot", value=autopilots)
+    system = source.systems.get(expectation.system_id, System())
     if any(system.senders):
-        yield Evidence(type=_MEASURED, what="its stream comes from", value=", ".join(system.senders))
+        yield Evidence(type=_MEASUREMENT, what="its stream comes from", value=", ".join(system.senders))
     if system.beats:
-        state = "armed" if any(beat.armed for beat in system.beats) else "disarmed"
+        state = "armed" if any(beat.is_armed for beat in system.beats) else "disarmed"
         yield Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
     if system.channels:
         last = system.channels[-1]
@@ -62,15 +62,15 @@ def _seen(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
         yield Evidence(type=_READ, what="rssi", value=_rssi_step([channel.rssi for channel in system.channels]))
     if system.receiver:
         receiver = system.receiver[-1]
-        words = (("present", receiver.present), ("enabled", receiver.enabled), ("healthy", receiver.healthy))
+        words = (("present", receiver.present), ("enabled", receiver.is_enabled), ("healthy", receiver.healthy))
         text = ", ".join(word if holds else f"not {word}" for word, holds in words)
         yield Evidence(type=_READ, what="receiver", value=text)
 
 
-def movement(received: Stream, expected: RcExpectation) -> Iterator[Evidence]:
+def movement(stream: Stream, expectation: RcExpectation) -> Iterator[Evidence]:
     """Give the way of each channel that moved."""
-    for number, (low, high) in ranges(received.systems.get(expected.system_id, System()).channels).items():
-        yield Evidence(type=_MEASURED, what=f"channel {number}", value=f"{low} to {high} us")
+    for number, (low, high) in ranges(stream.systems.get(expectation.system_id, System()).channels).items():
+        yield Evidence(type=_MEASUREMENT, what=f"channel {number}", value=f"{low} to {high} us")
 
 
 def _values(values: tuple[int | None, ...]) -> str:
@@ -78,10 +78,10 @@ def _values(values: tuple[int | None, ...]) -> str:
 
 
 def _rssi_step(result: list[int]) -> str:
-    known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
-    if not known:
+    known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
+    if not known_rssi:
         return "not known (255)"
-    return f"{min(known)} to {max(known)} in a scale of its own"
+    return f"{min(known_rssi)} to {max(known_rssi)} in a scale of its own"
 
 
 LISTEN_S = 8.0
@@ -93,57 +93,60 @@ STICKS_S = 12.0
 class RcHeard:
     """The autopilot hears its remote control, and is disarmed."""
 
-    expected: RcExpectation
+    expectation: RcExpectation
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
         """Listen until enough of the vehicle was heard."""
-        return (_listen("stream", self.expected, self.place, LISTEN_S, enough(self.expected.system_id)),)
+        return (_listen("stream", self.expectation, self.place, LISTEN_S, enough(self.expectation.system_id)),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the stream."""
-        return _judged(results["stream"], self.expected, judge)
+        return _judge_answer(results["stream"], self.expectation, judge)
 
 
 @dataclass(frozen=True, slots=True)
-class SticksMoved:
+class StickMovementProbe:
     """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
 
-    expected: RcExpectation
+    expectation: RcExpectation
     place: Place
 
     def asks(self) -> tuple[Question, ...]:
         """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
-        return (_listen("sticks", self.expected, self.place, STICKS_S, b""),)
+        return (_listen("sticks", self.expectation, self.place, STICKS_S, b""),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         """Judge the movement."""
-        return _judged(
-            results["sticks"], self.expected, lambda stream, expected: (judge_moved(stream, expected),), moved=True
+        return _judge_answer(
+            results["sticks"],
+            self.expectation,
+            lambda stream, expectation: (judge_moved(stream, expectation),),
+            with_movement=True,
         )
 
 
-def _listen(name: str, expected: RcExpectation, place: Place, listen_s: float, until: bytes) -> Listen:
-    return Listen(name=name, place=place, transport="udp", port=expected.port, listen_s=listen_s, enough=until)
+def _listen(name: str, expectation: RcExpectation, place: Place, listen_s: float, until: bytes) -> Listen:
+    return Listen(name=name, place=place, transport="udp", port=expectation.port, listen_s=listen_s, enough=until)
 
 
-def _judged(
+def _judge_answer(
     answer: Answer,
-    expected: RcExpectation,
+    expectation: RcExpectation,
     judge_stream: Callable[[Stream, RcExpectation], tuple[BearerFinding, ...]],
     *,
-    moved: bool = False,
-) -> Judged:
+    with_movement: bool = False,
+) -> ProbeResult:
     assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-    stream = read(answer, expected.address)
-    hot, silent = armed(stream, expected), unusable(answer, stream, expected)
+    stream = read(answer, expectation.address)
+    hot, silent = check_disarmed(stream, expectation), unusable(answer, stream, expectation)
     first = () if hot is None else (hot,)
     if silent is None:
-        first = (*first, *doubts(stream, expected))
-    found = (silent,) if silent is not None else judge_stream(stream, expected)
-    found = (*first, *(finding for finding in found if not first or finding.verdict is not Verdict.PASS))
-    seen = (*evidence(stream, expected), *(movement(stream, expected) if moved else ()))
-    return Judged(found, seen)
+        first = (*first, *doubts(stream, expectation))
+    findings = (silent,) if silent is not None else judge_stream(stream, expectation)
+    findings = (*first, *(finding for finding in findings if not first or finding.verdict is not Verdict.PASS))
+    all_evidence = (*evidence(stream, expectation), *(movement(stream, expectation) if with_movement else ()))
+    return ProbeResult(findings, all_evidence)
 
 
 def steps(cell: Cell) -> tuple[Step, ...]:
@@ -157,7 +160,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
     place = cell.place(endpoint.seen_from)
     gateway = cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else ""
     place_name, address = gateway or "this computer", cell.address(endpoint.address)
-    expected = RcExpectation(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
+    expectation = RcExpectation(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
     concerns = (gateway,) if gateway else ()
     return (
         Step(
@@ -165,7 +168,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
             title=f"{cell.name} hears its remote control, and is disarmed",
             kind=ItemKind.AUTOMATIC,
             phase=Phase.BENCH,
-            probe=RcHeard(expected, place),
+            probe=RcHeard(expectation, place),
             concerns=concerns,
         ),
         Step(
@@ -173,7 +176,7 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
             title=f"The channels of {cell.name} follow the sticks",
             kind=ItemKind.ACTIVE,
             phase=Phase.BENCH,
-            probe=SticksMoved(expected, place),
+            probe=StickMovementProbe(expectation, place),
             consent=Consent(
                 question=f"the propellers are off {cell.name}, or it is disarmed and secured, and nobody is near it",
                 # Held in a corner, a stick arms or disarms.

@@ -28,32 +28,32 @@ UNSTEADY = 0.25
 BAD_SHARE = 0.05
 
 
-def judge(received: Stream, expected: RcExpectation) -> tuple[BearerFinding, ...]:
+def judge(stream: Stream, expectation: RcExpectation) -> tuple[BearerFinding, ...]:
     """Judge a stream in which the vehicle is heard; one that is well in every respect has one finding, which passes."""
-    system = received.systems[expected.system_id]
-    found = (
-        *_alive(received, system, expected),
-        *_receiver_findings(system, expected),
-        *_rssi(system, expected),
-        *_damaged(received, expected),
+    system = stream.systems[expectation.system_id]
+    findings = (
+        *_alive(stream, system, expectation),
+        *_receiver_findings(system, expectation),
+        *_rssi(system, expectation),
+        *_check_damage(stream, expectation),
     )
-    return found or (_well(system, expected),)
+    return findings or (_well(system, expectation),)
 
 
-def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
-    age_s = received.ended_s - system.beats[-1].at_s
+def _alive(stream: Stream, system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
+    age_s = stream.ended_s - system.beats[-1].at_s
     if age_s > FRESH_S:
-        message = f"{expected.name}'s last heartbeat is {age_s:.0f} s old"
+        message = f"{expectation.name}'s last heartbeat is {age_s:.0f} s old"
         yield BearerFinding(
             Verdict.FAIL, "heartbeat-lost", message, "look at the autopilot's power and the forwarding of its stream"
         )
     if not system.channels:
-        yield no_channels(received, expected)
+        yield no_channels(stream, expectation)
         return
     last = system.channels[-1]
-    channels_age_s = received.ended_s - last.at_s
+    channels_age_s = stream.ended_s - last.at_s
     if channels_age_s > max(FRESH_S, age_s):
-        message = f"{expected.name}'s channels have stopped {channels_age_s:.0f} s ago, its heartbeats go on"
+        message = f"{expectation.name}'s channels have stopped {channels_age_s:.0f} s ago, its heartbeats go on"
         yield BearerFinding(
             Verdict.FAIL,
             "channels-stale",
@@ -61,7 +61,7 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
             "look at the remote control's receiver and its cable to the autopilot",
         )
     if not last.count or all(value is None for value in last.values):
-        message = f"{expected.name}'s autopilot sees no channel of the remote control"
+        message = f"{expectation.name}'s autopilot sees no channel of the remote control"
         yield BearerFinding(
             Verdict.FAIL,
             "no-receiver",
@@ -69,7 +69,7 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
             "switch the transmitter on, then look at the receiver's cable and binding",
         )
     elif strange := odd(last):
-        message = f"{expected.name}'s channels are outside {LOW_US} to {HIGH_US} us: {strange}"
+        message = f"{expectation.name}'s channels are outside {LOW_US} to {HIGH_US} us: {strange}"
         yield BearerFinding(
             Verdict.FAIL,
             "channels-odd",
@@ -78,9 +78,9 @@ def _alive(received: Stream, system: System, expected: RcExpectation) -> Iterato
         )
 
 
-def no_channels(received: Stream, expected: RcExpectation) -> BearerFinding:
+def no_channels(stream: Stream, expectation: RcExpectation) -> BearerFinding:
     """Say that no RC_CHANNELS came: that is a setting as well, so nothing follows."""
-    message = f"{expected.name} sends no RC_CHANNELS within {received.ended_s:.0f} s"
+    message = f"{expectation.name} sends no RC_CHANNELS within {stream.ended_s:.0f} s"
     hint = (
         "let its people add RC_CHANNELS to the stream (ArduPilot: SRx_RC_CHAN; PX4: mavlink stream); we ask for nothing"
     )
@@ -97,68 +97,71 @@ def odd(channels: Channels) -> str:
     return ", ".join(strange)
 
 
-def _receiver_findings(system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
+def _receiver_findings(system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
     if not system.receiver:
-        message = f"{expected.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
+        message = f"{expectation.name} sends no SYS_STATUS: its autopilot's own opinion of the receiver is not known"
         yield BearerFinding(Verdict.WARN, "no-sys-status", message, "let its people add SYS_STATUS to the stream")
         return
     last = system.receiver[-1]
     if not last.present:
-        message = f"{expected.name}'s autopilot has no receiver of a remote control"
+        message = f"{expectation.name}'s autopilot has no receiver of a remote control"
         yield BearerFinding(
             Verdict.FAIL, "receiver-absent", message, "look at the receiver's cable and the autopilot's RC protocol"
         )
-    elif not last.enabled:
-        message = f"{expected.name}'s autopilot has the remote control switched off"
+    elif not last.is_enabled:
+        message = f"{expectation.name}'s autopilot has the remote control switched off"
         yield BearerFinding(
             Verdict.FAIL, "receiver-disabled", message, "let its people enable the remote control in the autopilot"
         )
     elif not last.healthy:
-        message = f"{expected.name}'s autopilot says that the remote control's receiver is not healthy"
+        message = f"{expectation.name}'s autopilot says that the remote control's receiver is not healthy"
         yield BearerFinding(
             Verdict.FAIL, "receiver-unhealthy", message, "switch the transmitter on, and look at the receiver's antenna"
         )
 
 
-def _rssi(system: System, expected: RcExpectation) -> Iterator[BearerFinding]:
+def _rssi(system: System, expectation: RcExpectation) -> Iterator[BearerFinding]:
     result = [channel.rssi for channel in system.channels if channel.count]
-    known = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
-    if result and not known:
-        message = f"{expected.name} does not tell how strong the remote control is heard (rssi 255)"
+    known_rssi = [rssi for rssi in result if rssi != RSSI_UNKNOWN]
+    if result and not known_rssi:
+        message = f"{expectation.name} does not tell how strong the remote control is heard (rssi 255)"
         yield BearerFinding(Verdict.WARN, "rssi-unknown", message, "rely on the range test by a person")
-    if not known:
+    if not known_rssi:
         return
-    if expected.rssi_low is not None and min(known) < expected.rssi_low:
+    if expectation.rssi_low is not None and min(known_rssi) < expectation.rssi_low:
         message = (
-            f"the remote control of {expected.name} is heard with rssi {min(known)}, below its own {expected.rssi_low}"
+            f"the remote control of {expectation.name} is heard with rssi {min(known_rssi)}, "
+            f"below its own {expectation.rssi_low}"
         )
         yield BearerFinding(
             Verdict.WARN, "rssi-low", message, "look at both antennas; the value is compared with this vehicle's only"
         )
-    if max(known) - min(known) > UNSTEADY * max(known):
-        message = f"the remote control of {expected.name} is heard unsteadily: rssi {min(known)} to {max(known)}"
+    if max(known_rssi) - min(known_rssi) > UNSTEADY * max(known_rssi):
+        message = (
+            f"the remote control of {expectation.name} is heard unsteadily: rssi {min(known_rssi)} to {max(known_rssi)}"
+        )
         yield BearerFinding(
             Verdict.WARN, "rssi-unsteady", message, "look at both antennas, and for other transmitters of the band"
         )
-    elif not max(known):
-        message = f"{expected.name} tells rssi 0: no signal, or nobody has set up how it is measured"
+    elif not max(known_rssi):
+        message = f"{expectation.name} tells rssi 0: no signal, or nobody has set up how it is measured"
         yield BearerFinding(
             Verdict.WARN, "rssi-zero", message, "rely on the range test by a person, or set up RSSI in the autopilot"
         )
 
 
-def _damaged(received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
-    total = received.good + received.bad
-    if received.bad > 1 and received.bad > BAD_SHARE * total:
-        message = f"{received.bad} of {total} pieces of the stream at {expected.end} are damaged"
+def _check_damage(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
+    total = stream.good + stream.bad
+    if stream.bad > 1 and stream.bad > BAD_SHARE * total:
+        message = f"{stream.bad} of {total} pieces of the stream at {expectation.end} are damaged"
         yield BearerFinding(
             Verdict.WARN, "damaged", message, "look at the telemetry radio or serial line that carries the stream"
         )
 
 
-def _well(system: System, expected: RcExpectation) -> BearerFinding:
+def _well(system: System, expectation: RcExpectation) -> BearerFinding:
     last = system.channels[-1]
-    message = f"{expected.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
+    message = f"{expectation.name} is disarmed and hears its remote control: {last.count} channels, rssi {last.rssi}"
     return BearerFinding(Verdict.PASS, "rc-heard", message)
 
 
@@ -167,123 +170,132 @@ APART_S = 60.0
 """Clocks of an autopilot and of who listens: a live stream is not so far off."""
 
 
-def armed(received: Stream, expected: RcExpectation) -> BearerFinding | None:
+def check_disarmed(stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
     """Say that an autopilot is armed, whichever: nobody listens on beside propellers that may turn."""
-    hot = [number for number, system in received.systems.items() if system.armed]
+    hot = [number for number, system in stream.systems.items() if system.is_armed]
     if not hot:
         return None
-    who = expected.name if expected.system_id in hot else f"system {hot[0]}"
+    who = expectation.name if expectation.system_id in hot else f"system {hot[0]}"
     message = f"STOP AT ONCE: {who} is armed, its propellers may start"
     return BearerFinding(
         _FAIL, "armed", message, "keep clear, have the pilot disarm it and take the battery off; then begin again"
     )
 
 
-def unusable(answer: Transcript, received: Stream, expected: RcExpectation) -> BearerFinding | None:
+def unusable(answer: Transcript, stream: Stream, expectation: RcExpectation) -> BearerFinding | None:
     """Say why the stream tells nothing of the vehicle; None: it does."""
-    if not received.heard_bytes:
-        return _unheard(answer, expected) if answer.trouble is not None else _silent(received, expected)
-    if not received.good:
+    if not stream.heard_bytes:
+        return _unheard(answer, expectation) if answer.trouble is not None else _silent(stream, expectation)
+    if not stream.good:
         message = (
-            f"what arrives at {expected.end} is not MAVLink: {received.heard_bytes} bytes, no whole frame among them"
+            f"what arrives at {expectation.end} is not MAVLink: {stream.heard_bytes} bytes, no whole frame among them"
         )
         return BearerFinding(
             _FAIL, "not-mavlink", message, "compare `port:` with the port to which the stream is forwarded"
         )
-    system = received.systems.get(expected.system_id, System())
-    return None if system.beats else _absent(received, system, expected)
+    system = stream.systems.get(expectation.system_id, System())
+    return None if system.beats else _absent(stream, system, expectation)
 
 
-def doubts(received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
+def doubts(stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
     """Say why it may be somebody else, or of another time, that is heard; a person may know better."""
-    system = received.systems[expected.system_id]
-    if expected.address is None:
+    system = stream.systems[expectation.system_id]
+    if expectation.address is None:
         result = f"it came from {', '.join(system.senders)}" if any(system.senders) else "nobody has looked"
-        message = f"nobody has declared from which address the stream of {expected.name} comes; {result}"
+        message = f"nobody has declared from which address the stream of {expectation.name} comes; {result}"
         hint = "write `endpoints.rc_rf.address`, or reserve its address in `site.lan.reservations`"
         yield BearerFinding(_INCONCLUSIVE, "sender-unknown", message, hint)
     if system.overrides:
-        message = f"a ground station sends channels to {expected.name} in place of its remote control"
+        message = f"a ground station sends channels to {expectation.name} in place of its remote control"
         hint = "switch the joystick of the ground station off, then repeat this item"
         yield BearerFinding(_INCONCLUSIVE, "overridden", message, hint)
     apart = [ahead for ahead in system.ahead_s if abs(ahead) > APART_S]
     if apart:
         span = f"{abs(apart[0]) / 60:.0f} min {'ahead' if apart[0] > 0 else 'old'}"
-        message = f"by its own clock the stream of {expected.name} is {span}"
-        hint = f"is a recorded flight played at {expected.end}? If it is live, look at the clocks of both"
+        message = f"by its own clock the stream of {expectation.name} is {span}"
+        hint = f"is a recorded flight played at {expectation.end}? If it is live, look at the clocks of both"
         yield BearerFinding(_INCONCLUSIVE, "of-another-time", message, hint)
-    yield from _flow(system, received, expected)
+    yield from _flow(system, stream, expectation)
 
 
-def _flow(system: System, received: Stream, expected: RcExpectation) -> Iterator[BearerFinding]:
+def _flow(system: System, stream: Stream, expectation: RcExpectation) -> Iterator[BearerFinding]:
     """The autopilot counts the time, and that count goes on as fast as time does."""
     result = system.channels
     if not result:
         return
     if len(result) == 1:
         message = (
-            f"{expected.name}'s channels came once within {received.ended_s:.0f} s: whether they are alive is not known"
+            f"{expectation.name}'s channels came once within {stream.ended_s:.0f} s: "
+            "whether they are alive is not known"
         )
         yield BearerFinding(_INCONCLUSIVE, "once", message, "let its people send RC_CHANNELS four times a second")
         return
     counts = [channels.boot_ms / 1000 for channels in result]
-    passed, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
+    elapsed_s, went = result[-1].at_s - result[0].at_s, counts[-1] - counts[0]
     back = any(after < before - 1 for before, after in pairwise(counts))
     if len(set(counts)) == 1:
-        message = f"the same channels of {expected.name} came {len(result)} times: its autopilot's count stands still"
+        message = (
+            f"the same channels of {expectation.name} came {len(result)} times: its autopilot's count stands still"
+        )
         hint = "something repeats one message: look at what forwards the stream, and at the autopilot"
         yield BearerFinding(_FAIL, "frozen", message, hint)
-    elif back or not passed / 2 - 1 <= went <= passed * 2 + 2:
-        message = f"{expected.name}'s autopilot has counted {went:.0f} s in {passed:.0f} s: what comes is not of now"
-        hint = f"is a recorded flight played at {expected.end}? Else the autopilot was restarted: repeat this item"
+    elif back or not elapsed_s / 2 - 1 <= went <= elapsed_s * 2 + 2:
+        message = (
+            f"{expectation.name}'s autopilot has counted {went:.0f} s in {elapsed_s:.0f} s: what comes is not of now"
+        )
+        hint = f"is a recorded flight played at {expectation.end}? Else the autopilot was restarted: repeat this item"
         yield BearerFinding(_INCONCLUSIVE, "not-live", message, hint)
 
 
-def _silent(received: Stream, expected: RcExpectation) -> BearerFinding:
-    message = f"nothing arrived at {expected.end} in {received.ended_s:.0f} s"
-    hint = f"switch {expected.name} on, and let its companion computer forward the MAVLink stream to {expected.end}"
+def _silent(stream: Stream, expectation: RcExpectation) -> BearerFinding:
+    message = f"nothing arrived at {expectation.end} in {stream.ended_s:.0f} s"
+    hint = (
+        f"switch {expectation.name} on, and let its companion computer forward the MAVLink stream to {expectation.end}"
+    )
     return BearerFinding(_INCONCLUSIVE, "silent", message, hint)
 
 
-def _unheard(answer: Transcript, expected: RcExpectation) -> BearerFinding:
+def _unheard(answer: Transcript, expectation: RcExpectation) -> BearerFinding:
     text = f": {answer.words}" if answer.words else ""
     if answer.trouble is Trouble.NO_PLACE:
-        message = f"nobody has listened to {expected.name}: {expected.place} was not reached{text}"
+        message = f"nobody has listened to {expectation.name}: {expectation.place} was not reached{text}"
         return BearerFinding(
-            _INCONCLUSIVE, "place-not-reached", message, f"bring {expected.place} back first, then repeat this item"
+            _INCONCLUSIVE, "place-not-reached", message, f"bring {expectation.place} back first, then repeat this item"
         )
     if answer.trouble is Trouble.BUSY:
-        message = f"{expected.end} is in use by another program, which gets the stream{text}"
+        message = f"{expectation.end} is in use by another program, which gets the stream{text}"
         hint = "close the ground station there, or let the stream be forwarded to a second port and declare that"
         return BearerFinding(_INCONCLUSIVE, "in-use", message, hint)
     if answer.trouble is Trouble.DENIED:
-        message = f"{expected.end} may not be opened{text}"
+        message = f"{expectation.end} may not be opened{text}"
         return BearerFinding(
             _INCONCLUSIVE, "not-allowed", message, "declare a port above 1023, and look at the firewall there"
         )
-    message = f"nobody could listen at {expected.end}{text}"
-    return BearerFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expected.place}, then repeat this item")
+    message = f"nobody could listen at {expectation.end}{text}"
+    return BearerFinding(_INCONCLUSIVE, "not-heard", message, f"look at {expectation.place}, then repeat this item")
 
 
-def _absent(received: Stream, system: System, expected: RcExpectation) -> BearerFinding:
+def _absent(stream: Stream, system: System, expectation: RcExpectation) -> BearerFinding:
     if system.senders:
         result = ", ".join(system.senders)
-        message = f"system {expected.system_id} is heard from {result}, and {expected.name} has {expected.address}"
+        message = (
+            f"system {expectation.system_id} is heard from {result}, and {expectation.name} has {expectation.address}"
+        )
         hint = (
             "another vehicle may have this system id; if another computer forwards it, write `endpoints.rc_rf.address`"
         )
         return BearerFinding(_INCONCLUSIVE, "other-sender", message, hint)
     if system.components:
-        found = ", ".join(map(str, system.components))
-        message = f"of system {expected.system_id} component {found} is heard, and not its autopilot, which is 1"
+        ids = ", ".join(map(str, system.components))
+        message = f"of system {expectation.system_id} component {ids} is heard, and not its autopilot, which is 1"
         hint = "let its people forward what the autopilot itself sends; a camera or a computer beside it proves nothing"
         return BearerFinding(_INCONCLUSIVE, "other-component", message, hint)
-    if received.autopilots:
-        found = ", ".join(map(str, received.autopilots))
-        message = f"{expected.name} should be system {expected.system_id}, and what is heard is system {found}"
+    if stream.autopilots:
+        ids = ", ".join(map(str, stream.autopilots))
+        message = f"{expectation.name} should be system {expectation.system_id}, and what is heard is system {ids}"
         hint = "this is another vehicle, or `system_id:` differs from the autopilot's (SYSID_THISMAV, MAV_SYS_ID)"
         return BearerFinding(_FAIL, "other-system", message, hint)
-    message = f"MAVLink arrives at {expected.end}, and no autopilot's heartbeat in it within {received.ended_s:.0f} s"
+    message = f"MAVLink arrives at {expectation.end}, and no autopilot's heartbeat in it within {stream.ended_s:.0f} s"
     return BearerFinding(
         _FAIL, "no-heartbeat", message, "look whether the companion computer still hears its autopilot"
     )
@@ -295,7 +307,7 @@ AXES = 4
 """Of two sticks."""
 AS_ONE = 0.98
 """From this correlation on two channels are one movement; a hand does not hold two axes so well together."""
-NEEDED = 3
+MIN_CHANNEL_SETS = 3
 """Fewer sets of channels say nothing of a movement."""
 
 
@@ -304,46 +316,47 @@ def ranges(channels: Sequence[Channels]) -> dict[int, tuple[int, int]]:
     result = {}
     for number in range(max((channel.count for channel in channels), default=0)):
         values = [item.values[number] for item in channels if number < item.count]
-        known = [value for value in values if value is not None]
-        if known and max(known) - min(known) >= MOVED_US:
-            result[number + 1] = (min(known), max(known))
+        known_values = [value for value in values if value is not None]
+        if known_values and max(known_values) - min(known_values) >= MOVED_US:
+            result[number + 1] = (min(known_values), max(known_values))
     return result
 
 
-def judge_moved(received: Stream, expected: RcExpectation) -> BearerFinding:
+def judge_moved(stream: Stream, expectation: RcExpectation) -> BearerFinding:
     """Judge a stream in which the vehicle is heard, disarmed."""
-    channels = received.systems[expected.system_id].channels
+    channels = stream.systems[expectation.system_id].channels
     if not channels:
-        return no_channels(received, expected)
-    if len(channels) < NEEDED:
-        message = f"{expected.name}'s channels came {len(channels)} times only while the sticks were moved"
+        return no_channels(stream, expectation)
+    if len(channels) < MIN_CHANNEL_SETS:
+        message = f"{expectation.name}'s channels came {len(channels)} times only while the sticks were moved"
         return BearerFinding(
             Verdict.INCONCLUSIVE, "few-channels", message, "let its people send RC_CHANNELS four times a second"
         )
-    moved = ranges(channels)
-    if not moved:
-        message = f"none of {expected.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
+    moved_ranges = ranges(channels)
+    if not moved_ranges:
+        message = f"none of {expectation.name}'s {channels[-1].count} channels moved while the pilot moved the sticks"
         hint = "is the transmitter on, and bound to this vehicle and no other? then repeat"
         return BearerFinding(Verdict.FAIL, "no-movement", message, hint)
-    listed = ", ".join(map(str, moved))
-    axes = [number for number in moved if number <= AXES]
+    channel_list = ", ".join(map(str, moved_ranges))
+    axes = [number for number in moved_ranges if number <= AXES]
     if len(axes) < AXES:
-        message = f"channels that moved: {listed}; two sticks have {AXES} axes"
+        message = f"channels that moved: {channel_list}; two sticks have {AXES} axes"
         return BearerFinding(Verdict.WARN, "few-moved", message, "repeat, and move both sticks over their whole way")
     if _as_one(channels, axes):
         message = (
-            f"channels {', '.join(map(str, axes))} of {expected.name} move as one, which two sticks in circles do not"
+            f"channels {', '.join(map(str, axes))} of {expectation.name} move as one, "
+            "which two sticks in circles do not"
         )
         hint = "is a joystick, or a program, at work in place of the remote control? Repeat, each stick in circles"
         return BearerFinding(Verdict.INCONCLUSIVE, "lockstep", message, hint)
-    return BearerFinding(Verdict.PASS, "moved", f"{expected.name}'s channels follow the sticks: {listed}")
+    return BearerFinding(Verdict.PASS, "moved", f"{expectation.name}'s channels follow the sticks: {channel_list}")
 
 
 def _as_one(channels: Sequence[Channels], axes: Sequence[int]) -> bool:
     """Whether every axis follows the first, the same way or the other."""
     rows = [[channel.values[axis - 1] for axis in axes] for channel in channels if channel.count >= max(axes)]
     whole = [values for row in rows if len(values := tuple(item for item in row if item is not None)) == len(axes)]
-    ways = [*zip(*whole, strict=True)] if len(whole) >= NEEDED else []
+    ways = [*zip(*whole, strict=True)] if len(whole) >= MIN_CHANNEL_SETS else []
     if not ways or any(len({*way}) == 1 for way in ways):
         return True  # they were never seen to move beside each other
     first, *others = ways

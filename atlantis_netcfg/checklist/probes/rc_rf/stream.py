@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 RSSI_UNKNOWN = 255
 RC_RECEIVER = 0x10000
 """MAV_SYS_STATUS_SENSOR_RC_RECEIVER."""
-_ARMED = 0x80
+_ARMED_FLAG = 0x80
 """MAV_MODE_FLAG_SAFETY_ARMED."""
 _GROUND_STATION = 6
 """MAV_TYPE_GCS."""
 _NO_AUTOPILOT = 8
 """MAV_AUTOPILOT_INVALID: a camera, a companion computer."""
-_UNUSED = 0xFFFF
+_UNUSED_VALUE = 0xFFFF
 """UINT16_MAX: the channel is not used."""
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1; a camera, a gimbal or a companion computer has another one."""
@@ -41,7 +41,7 @@ class Beat:
     """A HEARTBEAT of an autopilot."""
 
     at_s: float
-    armed: bool
+    is_armed: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Receiver:
     """What a SYS_STATUS says of the remote control's receiver."""
 
     present: bool
-    enabled: bool
+    is_enabled: bool
     healthy: bool
 
 
@@ -83,7 +83,7 @@ class System:
     """Those with a heartbeat that are not the autopilot."""
     senders: tuple[str, ...] = ()
     """Addresses that have spoken as its autopilot, also those that are not believed."""
-    armed: bool = False
+    is_armed: bool = False
     """Anybody has said so."""
 
 
@@ -117,12 +117,12 @@ class _SystemReader:
     overrides: int = 0
     components: set[int] = field(default_factory=set)
     senders: set[str] = field(default_factory=set)
-    armed: bool = False
+    is_armed: bool = False
 
     def take(self, at_s: float, began: float, message: Any) -> None:  # noqa: ANN401 - pymavlink has no types for them
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self.beats.append(Beat(at_s, bool(message.base_mode & _ARMED)))
+            self.beats.append(Beat(at_s, bool(message.base_mode & _ARMED_FLAG)))
         elif kind == "RC_CHANNELS":
             self.channels.append(_channels(at_s, message))
         elif kind == "SYS_STATUS":
@@ -139,7 +139,7 @@ class _SystemReader:
             self.overrides,
             tuple(sorted(self.components)),
             tuple(sorted(self.senders)),
-            self.armed,
+            self.is_armed,
         )
 
 
@@ -179,7 +179,7 @@ class _MavlinkReading:
         """Note whose heartbeat it is; False: no autopilot's."""
         if message.type == _GROUND_STATION or message.autopilot == _NO_AUTOPILOT:
             return False
-        item.armed = item.armed or bool(message.base_mode & _ARMED)
+        item.is_armed = item.is_armed or bool(message.base_mode & _ARMED_FLAG)
         if message.get_srcComponent() != _AUTOPILOT:
             item.components.add(message.get_srcComponent())
             return False
@@ -200,8 +200,8 @@ def read(transcript: Transcript, address: str | None = None) -> Stream:
 
     parsers: dict[str, Any] = {}
     reading = _MavlinkReading(transcript.began, address)
-    known = len(transcript.senders) == len(transcript.chunks)
-    senders = transcript.senders if known else ("",) * len(transcript.chunks)
+    has_senders = len(transcript.senders) == len(transcript.chunks)
+    senders = transcript.senders if has_senders else ("",) * len(transcript.chunks)
     for (at_s, data), sender in zip(transcript.chunks, senders, strict=True):
         if sender not in parsers:
             parsers[sender] = common.MAVLink(None)
@@ -216,7 +216,7 @@ def read(transcript: Transcript, address: str | None = None) -> Stream:
 def _channels(at_s: float, message: Any) -> Channels:  # noqa: ANN401 - as above
     count = min(int(message.chancount), _CHANNELS)
     raw = (int(getattr(message, f"chan{number}_raw")) for number in range(1, count + 1))
-    values = tuple(None if value == _UNUSED else value for value in raw)
+    values = tuple(None if value == _UNUSED_VALUE else value for value in raw)
     return Channels(at_s, count, values, int(message.time_boot_ms), int(message.rssi))
 
 

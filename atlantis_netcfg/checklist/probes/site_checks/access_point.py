@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
+    get_output,
     good,
-    listed,
-    printed,
+    join_words,
     read,
     run,
     step,
@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Step
 from atlantis_netcfg.checklist.probes.wifi import read_opened, read_stations
 from atlantis_netcfg.inventory.model import Gateway, WifiRole
 
@@ -59,62 +59,65 @@ class _OpenNetwork:
             *run("stations", self.site, f"iw dev {name} station dump"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         info, dump = results["info"], results["stations"]
         if isinstance(info, CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
             message = f"{self.gateway} has no radio {self.radio.interface}"
-            return Judged((fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),))
-        text, joined = printed(info, self.gateway), printed(dump, self.gateway)
+            return ProbeResult((fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),))
+        text, station_dump = get_output(info, self.gateway), get_output(dump, self.gateway)
         if not isinstance(text, str):
-            return Judged((text,))
+            return ProbeResult((text,))
         findings = [*self._network(text)]
-        if isinstance(joined, str):
-            findings += self._strangers(joined)
+        if isinstance(station_dump, str):
+            findings += self._strangers(station_dump)
         else:
-            findings.append(joined)
-        stations = [*read_stations(joined)] if isinstance(joined, str) else []
+            findings.append(station_dump)
+        stations = [*read_stations(station_dump)] if isinstance(station_dump, str) else []
         count = "nobody" if not stations else f"{len(stations)}"
-        return Judged(tuple(findings), (read(f"joined {self.radio.ssid}", count),))
+        return ProbeResult(tuple(findings), (read(f"joined {self.radio.ssid}", count),))
 
     def _network(self, text: str) -> Iterator[BearerFinding]:
         """A running hostapd turns the radio into an access point; while it listens for radar that has no name yet."""
-        found, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
+        network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
         hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
-        if found.type is None:
+        if network.type is None:
             yield unreadable(self.gateway, self.radio.interface)
-        elif found.type != "AP":
-            yield fail("network-closed", f"{name} opens no network: it is of type {found.type}", hint)
-        elif found.ssid is None:
+        elif network.type != "AP":
+            yield fail("network-closed", f"{name} opens no network: it is of type {network.type}", hint)
+        elif network.ssid is None:
             message = f"{name} is an access point that sends no name yet: it may be listening for radar"
             yield unknown("network-not-yet-open", message, f"wait for a minute, or ten at 5600 to 5650 MHz; {hint}")
-        elif found.ssid != self.radio.ssid:
-            message = f"{name} opens `{found.ssid}`, and `{self.radio.ssid}` is declared"
+        elif network.ssid != self.radio.ssid:
+            message = f"{name} opens `{network.ssid}`, and `{self.radio.ssid}` is declared"
             yield fail("other-network", message, "run the site, which lays down what is declared")
         else:
-            yield good("network-open", f"{name} opens `{found.ssid}`")
-            if found.frequency_mhz not in {None, self.radio.frequency_mhz}:
-                message = f"{name} is on {found.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
+            yield good("network-open", f"{name} opens `{network.ssid}`")
+            if network.frequency_mhz not in {None, self.radio.frequency_mhz}:
+                message = f"{name} is on {network.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
                 yield warn("other-channel", message, "a radar may have driven it away: choose another channel")
 
     def _strangers(self, dump: str) -> Iterator[BearerFinding]:
         """Who has joined and is no declared vehicle has the key."""
-        known, strangers = self._known, [mac for mac in read_stations(dump) if mac not in self._known]
+        station_names, strangers = (
+            self._station_names,
+            [mac for mac in read_stations(dump) if mac not in self._station_names],
+        )
         if strangers:
-            message = f"{listed(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
+            message = f"{join_words(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
             hint = "whose is it? a new radio belongs into `endpoints.wifi.mac`; else change the `key` of the network"
             yield warn("unknown-station", message, hint)
-        names = [known[mac] for mac in read_stations(dump) if mac in known]
+        names = [station_names[mac] for mac in read_stations(dump) if mac in station_names]
         if names:
-            yield good("stations", f"{listed(names)} joined it")
+            yield good("stations", f"{join_words(names)} joined it")
 
     @property
-    def _known(self) -> Mapping[str, str]:
+    def _station_names(self) -> Mapping[str, str]:
         """MAC address to the vehicle that is a station."""
-        reserved = {row.name: row.mac for row in self.site.declared.lan.reservations}
+        reserved_macs = {row.name: row.mac for row in self.site.site_config.lan.reservations}
         result = {}
         for key, vehicle in self.site.declaration.vehicles.items():
             wifi = vehicle.endpoints.wifi
-            mac = reserved.get(key) if wifi is None or wifi.mac is None else wifi.mac
+            mac = reserved_macs.get(key) if wifi is None or wifi.mac is None else wifi.mac
             if mac is not None and wifi is not None and wifi.role is WifiRole.STATION:
                 result[mac.upper()] = vehicle.name
         return result

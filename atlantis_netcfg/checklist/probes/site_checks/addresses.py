@@ -21,11 +21,11 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     addresses,
     ask,
     by_hand,
-    declared,
+    declared_evidence,
     fail,
     good,
-    listed,
-    measured,
+    join_words,
+    measured_evidence,
     neighbours,
     offers,
     read,
@@ -41,8 +41,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
 from atlantis_netcfg.checklist.probes.step import (
     CommandResult,
     DhcpDiscoverRequest,
-    Judged,
     Place,
+    ProbeResult,
     RouterSolicitRequest,
     Trouble,
 )
@@ -81,20 +81,20 @@ class _Static:
             *(question for path in FILES for question in run(path, self.site, f"cat {path}")),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
-        found = (
+        findings = (
             [current] if isinstance(current, BearerFinding) else list(self._of_router(self.site.router.name, current))
         )
-        evidence = [declared(f"address of {name}", address) for name, address in self._declared_addresses()]
+        evidence = [declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()]
         gateway = self.site.gateway
         if gateway is not None:
             local = addresses(results["gateway"], gateway.name)
-            found += [local] if isinstance(local, BearerFinding) else self._of_gateway(gateway, local, results)
+            findings += [local] if isinstance(local, BearerFinding) else self._of_gateway(gateway, local, results)
             if not isinstance(local, BearerFinding):
                 evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
-        return Judged(tuple(found), tuple(evidence))
+        return ProbeResult(tuple(findings), tuple(evidence))
 
     def _declared_addresses(self) -> Iterator[tuple[str, str]]:
         """Interface and address of everything that the router has by declaration."""
@@ -102,7 +102,7 @@ class _Static:
         assert view is not None  # noqa: S101 - the check is made for sites with a router
         yield view.bridge, view.lan.address
         yield view.management.port, view.management.address
-        for link in (*view.uplinks, *view.served):
+        for link in (*view.uplinks, *view.served_links):
             yield link.port, link.interface_address
 
     def _of_router(self, name: str, current: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
@@ -113,22 +113,22 @@ class _Static:
             yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
     def _of_gateway(
-        self, gateway: ComputerReadings, local: tuple[InterfaceAddress, ...], received: Mapping[str, Answer]
+        self, gateway: ComputerReadings, local: tuple[InterfaceAddress, ...], results: Mapping[str, Answer]
     ) -> list[BearerFinding]:
-        interface = IPv4Interface(f"{gateway.device.address}/{self.site.declared.lan.network.prefixlen}")
+        interface = IPv4Interface(f"{gateway.device.address}/{self.site.site_config.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
         wrong = _as_it_runs(gateway, interface, there)
         if wrong is not None:
             return [wrong]
-        kept = self._in_files(gateway, interface, received)
+        problem = self._in_files(gateway, interface, results)
         fine = good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
-        return [kept or fine]
+        return [problem or fine]
 
     def _in_files(
-        self, gateway: ComputerReadings, interface: IPv4Interface, received: Mapping[str, Answer]
+        self, gateway: ComputerReadings, interface: IPv4Interface, results: Mapping[str, Answer]
     ) -> BearerFinding | None:
         """What is wrong with the files that the next start reads; None: they say what runs."""
-        texts = {path: received[path] for path in FILES}
+        texts = {path: results[path] for path in FILES}
         trouble = next(
             (
                 result
@@ -143,10 +143,12 @@ class _Static:
             path: answer.out for path, answer in texts.items() if isinstance(answer, CommandResult) and answer.rc == 0
         }
         host = self.site.declaration.hosts[gateway.name]
-        promised = computer_network(self.site.declaration, host)
-        if promised is not None:
-            return _promised(gateway.name, promised.path, files.get(promised.path), promised.content, interface)
-        if gateway.leased or any(_says(text, interface) for text in files.values()):
+        network_file = computer_network(self.site.declaration, host)
+        if network_file is not None:
+            return _check_network_file(
+                gateway.name, network_file.path, files.get(network_file.path), network_file.content, interface
+            )
+        if gateway.is_leased or any(_says(text, interface) for text in files.values()):
             return None
         message = (
             f"{gateway.name} has {interface}, but no file of ours says so: nobody knows whether it survives a restart"
@@ -173,7 +175,9 @@ def _says(text: str, interface: IPv4Interface) -> bool:
     return any(str(interface) in line for line in lines)
 
 
-def _promised(name: str, path: str, text: str | None, content: str, interface: IPv4Interface) -> BearerFinding | None:
+def _check_network_file(
+    name: str, path: str, text: str | None, content: str, interface: IPv4Interface
+) -> BearerFinding | None:
     hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
         return fail(
@@ -197,19 +201,19 @@ def _as_it_runs(
     if there.address != interface:
         message = f"{gateway.name} has {there.address}, and the declared mask is /{interface.network.prefixlen}"
         return fail("wrong-mask", message, _RUN)
-    if there.leased and not gateway.leased:
+    if there.is_leased and not gateway.is_leased:
         message = f"{gateway.name} has leased {interface}, which is declared static: it goes when the lease ends"
         return fail("address-leased", message, _RUN)
-    if gateway.leased and not there.leased:
+    if gateway.is_leased and not there.is_leased:
         message = f"{gateway.name} has {interface} by hand, while it is declared to get it by DHCP"
         return warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
     return None
 
 
 def _wrong(
-    name: str, expected: tuple[tuple[str, str], ...], current: tuple[InterfaceAddress, ...]
+    name: str, desired_addresses: tuple[tuple[str, str], ...], current: tuple[InterfaceAddress, ...]
 ) -> Iterator[BearerFinding]:
-    for interface, text in expected:
+    for interface, text in desired_addresses:
         address = IPv4Interface(text)
         there = next((item for item in current if item.address.ip == address.ip), None)
         if there is None:
@@ -222,7 +226,7 @@ def _wrong(
             yield fail("wrong-interface", message, _RUN)
         elif there.flags:
             yield fail(
-                "address-flagged", f"{text} of {name} is {listed(there.flags)}, and no declared address is", _RUN
+                "address-flagged", f"{text} of {name} is {join_words(there.flags)}, and no declared address is", _RUN
             )
 
 
@@ -246,31 +250,36 @@ class _OneSubnet:
             *run("gateway", self.site, "ip -j addr show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         names = {"router": self.site.router.name}
         if self.site.gateway is not None:
             names["gateway"] = self.site.gateway.name
         values = {name: addresses(results[question], name) for question, name in names.items()}
-        current = {name: found for name, found in values.items() if not isinstance(found, BearerFinding)}
-        silence = tuple(found for found in values.values() if isinstance(found, BearerFinding))
-        wrong = tuple(finding for name, found in current.items() for finding in _twice(name, found))
+        current = {name: entries for name, entries in values.items() if not isinstance(entries, BearerFinding)}
+        silence = tuple(entries for entries in values.values() if isinstance(entries, BearerFinding))
+        wrong = tuple(finding for name, entries in current.items() for finding in _twice(name, entries))
         evidence = tuple(
-            read(f"{item.interface} of {name}", _worded(item)) for name, found in current.items() for item in found
+            read(f"{item.interface} of {name}", _describe_address(item))
+            for name, entries in current.items()
+            for item in entries
         )
-        fine = good("each-subnet-once", f"no interface of {listed(names.values())} has two addresses of one subnet")
-        return Judged((*wrong, *silence) or (fine,), evidence)
+        fine = good("each-subnet-once", f"no interface of {join_words(names.values())} has two addresses of one subnet")
+        return ProbeResult((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, found: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
-    for item, other in combinations([current for current in found if not current.dead], 2):
+def _twice(name: str, entries: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
+    for item, other in combinations([current for current in entries if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
-            message = f"{item.interface} of {name} has {_worded(item)} and {_worded(other)}, which are in one subnet"
+            message = (
+                f"{item.interface} of {name} has {_describe_address(item)} and {_describe_address(other)}, "
+                "which are in one subnet"
+            )
             yield fail("subnet-twice", message, _SUBNET_HINT)
 
 
-def _worded(item: InterfaceAddress) -> str:
-    return f"{item.address} ({'leased' if item.leased else 'static'})"
+def _describe_address(item: InterfaceAddress) -> str:
+    return f"{item.address} ({'leased' if item.is_leased else 'static'})"
 
 
 _DUPLICATE_HINT = "switch one of them off, and give it another address or a reservation of its own"
@@ -295,32 +304,36 @@ class _Duplicates:
             *run("neighbours", self.site, "ip -j neigh show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
         result = [neighbours(results["arp"], router)]
         if self.site.gateway is not None:
             result.append(neighbours(results["neighbours"], self.site.gateway.name))
         leases = rows(results["leases"], router, "its leases", "address")
-        seen = [item for part in result if not isinstance(part, BearerFinding) for item in part if self._in_lan(item)]
+        lan_neighbours = [
+            item for part in result if not isinstance(part, BearerFinding) for item in part if self._in_lan(item)
+        ]
         silence = [part for part in (*result, leases) if isinstance(part, BearerFinding)]
         wrong = [
-            *self._twice(seen),
-            *self._wrong(seen),
+            *self._twice(lan_neighbours),
+            *self._wrong(lan_neighbours),
             *self._busy(() if isinstance(leases, BearerFinding) else leases),
         ]
-        evidence = tuple(read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in seen)
-        return Judged(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(seen),), evidence)
+        evidence = tuple(
+            read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in lan_neighbours
+        )
+        return ProbeResult(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(lan_neighbours),), evidence)
 
     def _in_lan(self, neighbour: Neighbour) -> bool:
-        return IPv4Address(neighbour.address) in self.site.declared.lan.network
+        return IPv4Address(neighbour.address) in self.site.site_config.lan.network
 
-    def _twice(self, seen: Sequence[Neighbour]) -> Iterator[BearerFinding]:
+    def _twice(self, lan_neighbours: Sequence[Neighbour]) -> Iterator[BearerFinding]:
         cards: dict[str, dict[str, Neighbour]] = {}
-        for neighbour in sorted(seen, key=lambda entry: not entry.fresh):
+        for neighbour in sorted(lan_neighbours, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
         for address, macs in cards.items():
-            text = listed(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
+            text = join_words(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
             if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
                 yield fail("address-twice", f"{address} is answered by two cards: {text}", _DUPLICATE_HINT)
             elif len(macs) > 1:
@@ -329,20 +342,22 @@ class _Duplicates:
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
 
-    def _wrong(self, seen: Sequence[Neighbour]) -> Iterator[BearerFinding]:
-        lan = self.site.declared.lan
+    def _wrong(self, lan_neighbours: Sequence[Neighbour]) -> Iterator[BearerFinding]:
+        lan = self.site.site_config.lan
         by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
-        now = {entry.address for entry in seen if entry.fresh}
-        current = [item for item in seen if item.fresh or item.address not in now]
+        now = {entry.address for entry in lan_neighbours if entry.fresh}
+        current = [item for item in lan_neighbours if item.fresh or item.address not in now]
         for neighbour in {(neighbour.address, neighbour.mac): neighbour for neighbour in current}.values():
-            reserved, owner = by_address.get(neighbour.address), by_card.get(neighbour.mac)
-            if reserved is not None and reserved.mac.lower() != neighbour.mac:
+            reserved_host, owner = by_address.get(neighbour.address), by_card.get(neighbour.mac)
+            if reserved_host is not None and reserved_host.mac.lower() != neighbour.mac:
                 there = f"{neighbour.mac}{f', the card of {owner.name},' if owner else ''}"
-                message = f"{neighbour.address} is reserved for {reserved.name}, but {there} answers there"
-                hint = f"correct `mac:` of {reserved.name} if its card is a new one; else find who took its address"
+                message = f"{neighbour.address} is reserved for {reserved_host.name}, but {there} answers there"
+                hint = (
+                    f"correct `mac:` of {reserved_host.name} if its card is a new one; else find who took its address"
+                )
                 yield fail("wrong-card", message, hint)
-            elif reserved is None and owner is not None:
+            elif reserved_host is None and owner is not None:
                 message = f"{owner.name} has the address {neighbour.address}, not its reserved {owner.address}"
                 hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
                 yield fail("wrong-address", message, hint)
@@ -354,8 +369,8 @@ class _Duplicates:
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
                 yield warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
-    def _fine(self, seen: Sequence[Neighbour]) -> BearerFinding:
-        count = len({neighbour.address for neighbour in seen})
+    def _fine(self, lan_neighbours: Sequence[Neighbour]) -> BearerFinding:
+        count = len({neighbour.address for neighbour in lan_neighbours})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
             return unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)
@@ -375,7 +390,7 @@ def rogue_dhcp_check(site: OwnSite) -> Step:
             title,
             f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
             " computer in it: the site has no gateway computer and no control centre that a program could ask from.",
-            f"Only the router offers an address: {site.declared.lan.gateway}.",
+            f"Only the router offers an address: {site.site_config.lan.gateway}.",
             site.hosts,
         )
     return step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
@@ -389,27 +404,27 @@ class _RogueDhcp:
 
     def asks(self) -> tuple[Question, ...]:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        cards = tuple(reservation.mac for reservation in self.site.declared.lan.reservations)
+        cards = tuple(reservation.mac for reservation in self.site.site_config.lan.reservations)
         return (
             DhcpDiscoverRequest("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
-            *run("router", self.site, f"ip -j neigh show to {self.site.declared.lan.gateway}"),
+            *run("router", self.site, f"ip -j neigh show to {self.site.site_config.lan.gateway}"),
             *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        found = offers(results["offers"], self.site.gateway.name)
+        dhcp_offers = offers(results["offers"], self.site.gateway.name)
         alerts = tuple(self._alerts(results))
-        if isinstance(found, BearerFinding):
-            return Judged((*alerts, found))
-        each = {(offer.server, offer.mac): offer for offer in found}.values()
-        evidence = tuple(measured(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
-        judged = tuple(
+        if isinstance(dhcp_offers, BearerFinding):
+            return ProbeResult((*alerts, dhcp_offers))
+        each = {(offer.server, offer.mac): offer for offer in dhcp_offers}.values()
+        evidence = tuple(measured_evidence(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
+        findings = tuple(
             finding
-            for finding in self._judged(found, self._card(results))
+            for finding in self._judge_offers(dhcp_offers, self._card(results))
             if not alerts or finding.verdict is not Verdict.PASS
         )
-        return Judged((*alerts, *judged), evidence)
+        return ProbeResult((*alerts, *findings), evidence)
 
     def _alerts(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
@@ -425,18 +440,18 @@ class _RogueDhcp:
     def _card(self, results: Mapping[str, Answer]) -> str | None:
         """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
         result = neighbours(results["router"], "")
-        local = str(self.site.declared.lan.gateway)
+        local = str(self.site.site_config.lan.gateway)
         return (
             None
             if isinstance(result, BearerFinding)
             else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
         )
 
-    def _judged(self, found: tuple[DhcpOffer, ...], known: str | None) -> Iterator[BearerFinding]:
-        local = str(self.site.declared.lan.gateway)
-        strangers = {(item.server, item.mac): item for item in found if item.server != local}
-        cards = sorted({offer.mac for offer in found if offer.server == local and offer.mac is not None})
-        strange = [card for card in cards if known not in {None, card}]
+    def _judge_offers(self, dhcp_offers: tuple[DhcpOffer, ...], router_card: str | None) -> Iterator[BearerFinding]:
+        local = str(self.site.site_config.lan.gateway)
+        strangers = {(item.server, item.mac): item for item in dhcp_offers if item.server != local}
+        cards = sorted({offer.mac for offer in dhcp_offers if offer.server == local and offer.mac is not None})
+        strange = [card for card in cards if router_card not in {None, card}]
         for stranger in strangers.values():
             sender = _sender(self.site, stranger.server, stranger.mac)
             yield fail(
@@ -448,21 +463,22 @@ class _RogueDhcp:
             message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
             yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
         elif strange:
-            message = f"{strange[0]} hands out addresses as the router {local}, whose card is {known}"
+            message = f"{strange[0]} hands out addresses as the router {local}, whose card is {router_card}"
             yield fail("not-the-router", message, "find it by its card, and unplug it")
-        if not found:
+        if not dhcp_offers:
             hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
             yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
         elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
-            requested = 2 + len(self.site.declared.lan.reservations)
+            request_count = 2 + len(self.site.site_config.lan.reservations)
             yield good(
-                "only-the-router", f"the router {local} alone offers an address, to whichever of {requested} cards asks"
+                "only-the-router",
+                f"the router {local} alone offers an address, to whichever of {request_count} cards asks",
             )
 
 
 def _sender(site: OwnSite, address: str, mac: str | None) -> str:
     """An address, with the card and whose it is by the reservations."""
-    cards = {card.mac.lower(): card.name for card in site.declared.lan.reservations}
+    cards = {card.mac.lower(): card.name for card in site.site_config.lan.reservations}
     whose = cards.get((mac or "").lower())
     return f"{address} ({mac or 'card unknown'}{f', the card of {whose}' if whose else ''})"
 
@@ -500,16 +516,19 @@ class _RogueRouter:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         return (RouterSolicitRequest("routers", Place.GATEWAY, self.site.gateway.interface, _SOLICIT_S),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        found = routers(results["routers"], self.site.gateway.name)
-        if isinstance(found, BearerFinding):
-            return Judged((found,))
+        advertisements = routers(results["routers"], self.site.gateway.name)
+        if isinstance(advertisements, BearerFinding):
+            return ProbeResult((advertisements,))
         evidence = tuple(
-            measured(f"router advertisement of {item.address}", _advertisement_text(item)) for item in found
+            measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
+            for item in advertisements
         )
         words = f"no IPv6 router answered 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
-        return Judged(tuple(self._finding(item) for item in found) or (good("no-other-router", words),), evidence)
+        return ProbeResult(
+            tuple(self._finding(item) for item in advertisements) or (good("no-other-router", words),), evidence
+        )
 
     def _finding(self, router: RouterAdvertisement) -> BearerFinding:
         sender = _sender(self.site, router.address, router.mac)

@@ -14,7 +14,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     ask,
     fail,
     good,
-    listed,
+    join_words,
     read,
     rows,
     run,
@@ -25,7 +25,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Rows, Step
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.routeros.render import prerequisites
 
@@ -60,7 +60,7 @@ class _SiteCertificate:
     until: datetime | None
     used: bool = True
     """The declaration says what for; an authority is always used."""
-    expired: bool = False
+    is_expired: bool = False
     """The device itself says so."""
     unfit: str = ""
     """Why it serves nobody, however long it is valid."""
@@ -68,7 +68,7 @@ class _SiteCertificate:
     """How another one gets there."""
 
     @property
-    def called(self) -> str:
+    def title(self) -> str:
         return f"certificate `{self.name}` of {self.holder}"
 
 
@@ -91,7 +91,7 @@ class _Certificates:
         local = run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
         return (*ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = rows(results["router"], self.site.router.name, "its certificates", "name")
         missing: list[BearerFinding] = []
@@ -107,16 +107,16 @@ class _Certificates:
             missing += [local] if isinstance(local, BearerFinding) else []
             certificates += [] if isinstance(local, BearerFinding) else local
         now = _now(results)
-        wrong = [finding for item in certificates for finding in _judged(item, now)]
+        wrong = [finding for item in certificates for finding in _judge_certificate(item, now)]
         evidence = tuple(
-            read(f"{certificate.called}: valid until", f"{certificate.until:%Y-%m-%d}")
+            read(f"{certificate.title}: valid until", f"{certificate.until:%Y-%m-%d}")
             for certificate in certificates
             if certificate.until
         )
-        return Judged((*wrong, *missing) or (_fine(certificates),), evidence)
+        return ProbeResult((*wrong, *missing) or (_fine(certificates),), evidence)
 
     @property
-    def _required(self) -> Mapping[str, str]:
+    def _reason_by_name(self) -> Mapping[str, str]:
         """Name to what it is for."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         all_of_it = prerequisites(self.site.declaration, self.site.router)
@@ -127,7 +127,7 @@ class _Certificates:
     def _missing(self, result: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         there = {row.get("name") for row in result}
-        for name, reason in self._required.items():
+        for name, reason in self._reason_by_name.items():
             if name not in there:
                 message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
                 yield fail("certificate-missing", message, self._renewal(name))
@@ -135,7 +135,7 @@ class _Certificates:
     def _renewal(self, name: str) -> str:
         """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
         tunnel = self.site.view.tunnel if self.site.view is not None else None
-        of_the_vpn = name not in self._required or (tunnel is not None and name == tunnel.certificate)
+        of_the_vpn = name not in self._reason_by_name or (tunnel is not None and name == tunnel.certificate)
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         return _ROUTER.format(name=self.site.router.name) if of_the_vpn else _API
 
@@ -144,11 +144,13 @@ class _Certificates:
         for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
             name = row.get("name", "?")
-            used = name in self._required or yes(row, "authority")
-            if until is not None or name in self._required:
-                renew, expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
+            used = name in self._reason_by_name or yes(row, "authority")
+            if until is not None or name in self._reason_by_name:
+                renew, is_expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
                 host = self.site.router.name
-                yield _SiteCertificate(host, name, since, until, used=used, expired=expired, unfit=unfit, renew=renew)
+                yield _SiteCertificate(
+                    host, name, since, until, used=used, is_expired=is_expired, unfit=unfit, renew=renew
+                )
 
     def _unfit(self, name: str, row: Mapping[str, str]) -> str:
         """Why a certificate is no use to the router, though it may be valid; empty: it is, as far as can be told."""
@@ -157,7 +159,7 @@ class _Certificates:
         host, subject = self.site.router.name, row.get("common-name")
         if yes(row, "revoked"):
             return "is revoked"
-        if name in self._required and row.get("private-key") in {"false", "no"}:
+        if name in self._reason_by_name and row.get("private-key") in {"false", "no"}:
             return "has no private key there, so that nobody can use it"
         if tunnel is not None and name == tunnel.certificate and subject not in {None, host}:
             return f"is that of {subject}, not of {host}"
@@ -166,7 +168,7 @@ class _Certificates:
 
 def _now(results: Mapping[str, Answer]) -> datetime:
     """When this computer had the answers."""
-    stamps = [answer.heard for answer in results.values() if isinstance(answer, CommandResult | Rows)]
+    stamps = [answer.response_time for answer in results.values() if isinstance(answer, CommandResult | Rows)]
     return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
 
 
@@ -187,7 +189,7 @@ def _of_identity(name: str, site: str, answer: Answer) -> list[_SiteCertificate]
         return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     renew = _COMPUTER.format(name=name, site=site)
     if name not in [subject.strip() for subject in names]:
-        there = listed(subject.strip() for subject in names)
+        there = join_words(subject.strip() for subject in names)
         return fail("other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew)
     return [
         _SiteCertificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
@@ -202,23 +204,23 @@ def _stamp(text: str) -> datetime | None:
         return None
 
 
-def _judged(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFinding]:
+def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFinding]:
     if certificate.until is None:
         yield unknown(
             "no-date",
-            f"nobody can tell until when the {certificate.called} is valid",
+            f"nobody can tell until when the {certificate.title} is valid",
             f"look at {certificate.holder} by hand",
         )
     elif not certificate.used:
-        if certificate.until < now or certificate.expired:
-            expired = f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}"
-            message = f"{expired}, and nothing that is declared uses it"
+        if certificate.until < now or certificate.is_expired:
+            text = f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}"
+            message = f"{text}, and nothing that is declared uses it"
             yield warn("old-certificate", message, f"remove it from {certificate.holder}")
     elif certificate.unfit:
-        yield fail("unfit", f"the {certificate.called} {certificate.unfit}", certificate.renew)
+        yield fail("unfit", f"the {certificate.title} {certificate.unfit}", certificate.renew)
     elif certificate.until < now:
-        yield fail("expired", f"the {certificate.called} expired on {certificate.until:%Y-%m-%d}", certificate.renew)
-    elif certificate.expired:
+        yield fail("expired", f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}", certificate.renew)
+    elif certificate.is_expired:
         message = (
             f"{certificate.holder} takes its certificate `{certificate.name}` for expired, though it is valid until"
         )
@@ -226,7 +228,7 @@ def _judged(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFind
             "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
         )
     elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
-        message = f"the {certificate.called} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
+        message = f"the {certificate.title} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
         yield fail(
             "not-yet-valid", message, "look at the clocks of this computer and of the device: one of them is wrong"
         )
@@ -234,7 +236,7 @@ def _judged(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFind
         days = (certificate.until - now).days
         yield warn(
             "expires-soon",
-            f"the {certificate.called} expires in {days} days, on {certificate.until:%Y-%m-%d}",
+            f"the {certificate.title} expires in {days} days, on {certificate.until:%Y-%m-%d}",
             certificate.renew,
         )
 

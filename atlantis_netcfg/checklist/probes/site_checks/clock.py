@@ -11,10 +11,10 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     ask,
     fail,
+    get_output,
     good,
-    listed,
-    measured,
-    printed,
+    join_words,
+    measured_evidence,
     read,
     rows,
     run,
@@ -23,7 +23,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Rows, Step
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Rows, Step
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
@@ -92,34 +92,37 @@ class _ClockReading:
             *run("timedatectl", self.site, "timedatectl show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
         offsets: dict[str, Offset | BearerFinding] = {router: _of_router(router, results["clock"])}
         if self.site.gateway is not None:
             offsets[self.site.gateway.name] = _of_computer(self.site.gateway.name, results["timedatectl"])
-        known = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
+        known_offsets = {name: entry for name, entry in offsets.items() if isinstance(entry, Offset)}
         wrong = [
             *(offset for offset in offsets.values() if isinstance(offset, BearerFinding)),
-            *_judged(known),
-            *self._set(results, known),
+            *_judge_offsets(known_offsets),
+            *self._set(results, known_offsets),
         ]
-        evidence = [measured(f"clock of {name}, to this computer's", item.words) for name, item in known.items()]
-        agree = f"the clocks of {listed((*known, 'this computer'))} agree"
+        evidence = [
+            measured_evidence(f"clock of {name}, to this computer's", item.words)
+            for name, item in known_offsets.items()
+        ]
+        agree = f"the clocks of {join_words((*known_offsets, 'this computer'))} agree"
         fine = good("clocks-agree", f"{agree}, and time servers set them")
-        return Judged(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
+        return ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
-    def _set(self, results: Mapping[str, Answer], known: Mapping[str, Offset]) -> Iterator[BearerFinding]:
+    def _set(self, results: Mapping[str, Answer], known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
         clock, ntp = _row(results["clock"]), rows(results["ntp"], name, "what sets its clock", "enabled")
-        if name in known:
+        if name in known_offsets:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
             yield from (ntp,) if isinstance(ntp, BearerFinding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
-        if gateway is not None and gateway.name in known:
-            reply, result = printed(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
+        if gateway is not None and gateway.name in known_offsets:
+            reply, result = get_output(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
             if isinstance(reply, BearerFinding):
                 yield reply
             elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
@@ -133,7 +136,7 @@ class _ClockReading:
     def _of_client(self, name: str, ntp: Mapping[str, str]) -> Iterator[BearerFinding]:
         """Words of `/system/ntp/client`: synchronized, waiting, started, stopped; nothing follows from another one."""
         status, server = ntp.get("status", ""), ntp.get("synced-server", "")
-        declared = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
+        time_servers = {str(time_server.address) for time_server in self.site.declaration.pilot.time_servers}
         if ntp.get("enabled") in {"false", "no"} or status in {"stopped", "disabled"}:
             yield _unset(name)
         elif status in {"waiting", "started"}:
@@ -142,7 +145,7 @@ class _ClockReading:
             text = f"`{status}`" if status else "nothing"
             message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
             yield unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
-        elif server and server not in declared:
+        elif server and server not in time_servers:
             message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
             hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
             yield unknown("other-time-server", message, hint)
@@ -160,20 +163,20 @@ class _ClockReading:
 _YES_NO = frozenset({"yes", "no"})
 
 
-def _judged(known: Mapping[str, Offset]) -> Iterator[BearerFinding]:
+def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
     """Where two clocks agree with each other and not with ours, it is ours that is wrong."""
-    wrong = {name: offset for name, offset in known.items() if offset.wrong}
-    if len(wrong) == len(known) > 1 and _together(list(wrong.values())):
-        turned = next(iter(wrong.values()))
-        span = _span(abs(turned.least_s + turned.most_s) / 2)
-        behind = turned.least_s > 0
-        message = f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {listed(wrong)}"
+    wrong = {name: offset for name, offset in known_offsets.items() if offset.wrong}
+    if len(wrong) == len(known_offsets) > 1 and _together(list(wrong.values())):
+        sample = next(iter(wrong.values()))
+        span = _span(abs(sample.least_s + sample.most_s) / 2)
+        behind = sample.least_s > 0
+        message = f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {join_words(wrong)}"
         yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
         return
     for name, entry in wrong.items():
         hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
         yield fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
-    for name, item in known.items():
+    for name, item in known_offsets.items():
         if item.coarse:
             message = f"{name} took so long to answer that its clock may be {max(item.most_s, -item.least_s):.0f} s off"
             yield unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
@@ -205,9 +208,9 @@ def _of_router(name: str, answer: Answer) -> Offset | BearerFinding:
     moment = router_time(result[0]) if result else None
     if moment is None or not isinstance(answer, Rows):
         return unreadable(name, "its clock")
-    if not answer.heard:
-        return _uncompared(name)
-    return Offset(moment.timestamp() - answer.heard, moment.timestamp() + 1 - answer.asked)
+    if not answer.response_time:
+        return _not_compared_finding(name)
+    return Offset(moment.timestamp() - answer.response_time, moment.timestamp() + 1 - answer.request_time)
 
 
 def router_time(row: Mapping[str, str]) -> datetime | None:
@@ -230,14 +233,14 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
 def _of_computer(name: str, answer: Answer) -> Offset | BearerFinding:
     """Whatever the program says: when it was started, its clock was read."""
     if not isinstance(answer, CommandResult) or answer.trouble is not None or not answer.began:
-        result = printed(answer, name)
+        result = get_output(answer, name)
         return result if isinstance(result, BearerFinding) else unreadable(name, "its clock")
-    if not answer.heard:
-        return _uncompared(name)
-    return Offset(answer.began - answer.heard, answer.began - answer.asked)
+    if not answer.response_time:
+        return _not_compared_finding(name)
+    return Offset(answer.began - answer.response_time, answer.began - answer.request_time)
 
 
-def _uncompared(name: str) -> BearerFinding:
+def _not_compared_finding(name: str) -> BearerFinding:
     return unknown("not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check")
 
 

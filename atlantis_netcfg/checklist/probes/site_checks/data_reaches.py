@@ -22,8 +22,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     by_hand,
     fail,
     good,
-    measured,
-    parsed,
+    measured_evidence,
+    parse_json_list,
     read,
     run,
     silent,
@@ -33,14 +33,14 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
 )
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
-from atlantis_netcfg.checklist.probes.step import Judged, Place, ReflectRequest, ReflectResult, Trouble
+from atlantis_netcfg.checklist.probes.step import Place, ProbeResult, ReflectRequest, ReflectResult, Trouble
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Reflected, Step
+    from atlantis_netcfg.checklist.probes.step import Answer, Question, ReflectReply, Step
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.inventory import Declaration
 
@@ -100,20 +100,20 @@ class _DataReaches:
         way = run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
         return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._asking[1], far.address, REFLECTOR_PORT))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         name, address = self._asking
         current = addresses(results["addresses"], name)
         if isinstance(current, BearerFinding):
-            return Judged((current,))
+            return ProbeResult((current,))
         if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
             hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
             message = (
                 f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
             )
-            return Judged((fail("no-vpn", message, hint),))
-        found = [self._of(item, results) for item in self.far]
+            return ProbeResult((fail("no-vpn", message, hint),))
+        findings = [self._of(item, results) for item in self.far]
         evidence = [each for item in self.far for each in self._evidence(item, results)]
-        return Judged(tuple(found), tuple(evidence))
+        return ProbeResult(tuple(findings), tuple(evidence))
 
     def _of(self, far: FarComputer, results: Mapping[str, Answer]) -> BearerFinding:
         """What the way there and the answers come to."""
@@ -129,36 +129,37 @@ class _DataReaches:
         if not answer.answers:
             return self._silence(far, len(answer.tokens), results)
         strange = next(filter(None, (_strange(far, self._asking[1], item, answer) for item in answer.answers)), None)
-        return strange or self._counted(far, answer, results)
+        return strange or self._judge_delays(far, answer, results)
 
-    def _silence(self, far: FarComputer, sent: int, results: Mapping[str, Answer]) -> BearerFinding:
+    def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, Answer]) -> BearerFinding:
         """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
         bearer, over = active_bearer(self.site, results), self._over(results)
         if bearer is not None and bearer.kind.traits.allow_list:
             return unknown(
                 "far-end-silent-satellite",
-                f"{far.name} has answered none of {sent} messages, over a satellite that may pause for 70 s",
+                f"{far.name} has answered none of {message_count} messages, over a satellite that may pause for 70 s",
                 "repeat the check; three silent rounds are more than a pause of the satellite",
             )
         if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
             return unknown(
                 "gateway-silent",
-                f"{far.name} has answered none of {sent} messages: it may be off",
+                f"{far.name} has answered none of {message_count} messages: it may be off",
                 f"is {far.name} switched on? the checklist of {far.site} looks from its end",
             )
         return fail(
             "far-end-silent",
-            f"{far.name} has answered none of {sent} messages {over}; the item `vpn` tells whether its server answers",
+            f"{far.name} has answered none of {message_count} messages {over}; "
+            "the item `vpn` tells whether its server answers",
             f"is {far.name} switched on? the checklist of {far.site} looks from its end",
         )
 
-    def _counted(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
+    def _judge_delays(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
-        worst, limit = max(delays.values()), self.site.declared.checklist.answer_within_s
-        emulated = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
+        worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
+        emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
         text = (
             f"{far.name} has answered {len(delays)} of {len(answer.tokens)} messages {self._over(results)}"
-            f", the slowest in {worst * 1000:.0f} ms{emulated}"
+            f", the slowest in {worst * 1000:.0f} ms{emulation_note}"
         )
         if limit is not None and worst > limit:
             message = f"{text}, and `answer_within_s` is {limit:g}"
@@ -176,13 +177,15 @@ class _DataReaches:
     def _evidence(self, far: FarComputer, results: Mapping[str, Answer]) -> Iterator[Evidence]:
         name, address = self._asking
         answer = results[f"data {far.name}"]
-        way = parsed(results[f"way {far.name}"], name, "its way")
+        way = parse_json_list(results[f"way {far.name}"], name, "its way")
         if not isinstance(way, BearerFinding) and way:
             yield read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
         for item in answer.answers if isinstance(answer, ReflectResult) else ():
             row = _row(item)
             there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
-            yield measured(f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}")
+            yield measured_evidence(
+                f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}"
+            )
 
 
 def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | None:
@@ -193,7 +196,7 @@ def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | N
             f"{name} has no route to {far.name} at {far.address}",
             f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
         )
-    way = parsed(answer, name, "its way to the other end")
+    way = parse_json_list(answer, name, "its way to the other end")
     if isinstance(way, BearerFinding):
         return way
     device = str(way[0].get("dev")) if way else "another way"
@@ -222,16 +225,16 @@ def _not_sent(name: str, far: FarComputer, answer: ReflectResult) -> BearerFindi
     return silent(name, answer.trouble or Trouble.SILENT, answer.words)
 
 
-def _row(item: Reflected) -> dict[str, Any]:
+def _row(item: ReflectReply) -> dict[str, Any]:
     """What an answer says; nothing where it is none."""
     try:
-        found = json.loads(item.data)
+        row = json.loads(item.data)
     except (ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return row if isinstance(row, dict) else {}
 
 
-def _strange(far: FarComputer, asking: str, item: Reflected, result: ReflectResult) -> BearerFinding | None:
+def _strange(far: FarComputer, asking: str, item: ReflectReply, result: ReflectResult) -> BearerFinding | None:
     """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:

@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     by_hand,
-    declared,
+    declared_evidence,
     fail,
+    get_output,
     good,
-    listed,
-    measured,
-    printed,
+    join_words,
+    measured_evidence,
     read,
     run,
     silent,
@@ -38,7 +38,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Judged, Place, Trouble
+from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Place, ProbeResult, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 
@@ -120,8 +120,8 @@ class _BoundPorts:
     @property
     def ports(self) -> str:
         """Where it listens for announcements."""
-        known = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
-        return ", ".join(map(str, sorted(known)))
+        known_ports = {item.port for item in self.sockets if item.participant is not None or item.offset == _MULTICAST}
+        return ", ".join(map(str, sorted(known_ports)))
 
     def _bound(self, offset: int) -> int:
         return sum(item.offset == offset for item in self.sockets)
@@ -168,38 +168,38 @@ class _SeenParticipant:
         discover = DdsDiscoverRequest("participants", Place.GATEWAY, self._address, self._dds.domain, ports)
         return (*run("sockets", self.site, f"cat {TABLE}"), discover)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         gateway, dds = self.site.gateway, self._dds
         assert gateway is not None  # noqa: S101 - the step is a person's without one
-        result, answered = (
-            printed(results["sockets"], gateway.name),
-            _answered(results["participants"], gateway.name, self._address),
+        result, participants = (
+            get_output(results["sockets"], gateway.name),
+            _read_participants(results["participants"], gateway.name, self._address),
         )
         if isinstance(result, BearerFinding):
-            return Judged((result,))
+            return ProbeResult((result,))
         if "local_address" not in result:
-            return Judged((unreadable(gateway.name, "its UDP sockets"),))
-        if isinstance(answered, BearerFinding):
-            return Judged((answered,))
-        found = tuple(_read_sockets(result))
-        ours = next((entry for entry in found if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
-        near = [entry for entry in found if entry is not ours and entry.is_dds]
-        shown = [entry.ports for entry in (ours, *near) if entry.ports]
-        there = [participant for participant in answered if participant.domain in {None, dds.domain}]
+            return ProbeResult((unreadable(gateway.name, "its UDP sockets"),))
+        if isinstance(participants, BearerFinding):
+            return ProbeResult((participants,))
+        bound_ports = tuple(_read_sockets(result))
+        ours = next((entry for entry in bound_ports if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
+        near = [entry for entry in bound_ports if entry is not ours and entry.is_dds]
+        port_texts = [entry.ports for entry in (ours, *near) if entry.ports]
+        there = [participant for participant in participants if participant.domain in {None, dds.domain}]
         evidence = (
-            declared("domain of DDS", str(dds.domain)),
-            read(f"UDP ports of DDS on {gateway.name}", ", ".join(shown) or "none"),
-            measured(f"DDS participants that answer at {self._address}", _named(there)),
+            declared_evidence("domain of DDS", str(dds.domain)),
+            read(f"UDP ports of DDS on {gateway.name}", ", ".join(port_texts) or "none"),
+            measured_evidence(f"DDS participants that answer at {self._address}", _list_addresses(there)),
         )
         if not there and not ours.participants and not ours.is_dds:
-            return Judged((_nobody(gateway.name, dds, near),), evidence)
-        wrong = tuple(_judged(gateway.name, dds, ours))
-        lost = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
-        reached = () if lost else (self._reached(gateway.name, there, ours),)
-        fine = tuple(finding for finding in reached if not wrong or finding.verdict is not Verdict.PASS)
-        return Judged((*wrong, *fine), evidence)
+            return ProbeResult((_nobody(gateway.name, dds, near),), evidence)
+        wrong = tuple(_judge_ports(gateway.name, dds, ours))
+        is_unreachable = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
+        reach_findings = () if is_unreachable else (self._judge_reachability(gateway.name, there, ours),)
+        fine = tuple(finding for finding in reach_findings if not wrong or finding.verdict is not Verdict.PASS)
+        return ProbeResult((*wrong, *fine), evidence)
 
-    def _reached(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> BearerFinding:
+    def _judge_reachability(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> BearerFinding:
         address, domain = self._address, self._dds.domain
         if not there:
             message = (
@@ -207,23 +207,26 @@ class _SeenParticipant:
             )
             hint = f"on {name}: `sudo ss -ulpn` tells who has UDP port {bound.ports}; start the data gateway anew"
             return unknown("nobody-answers", message, hint)
-        reached = [participant for participant in there if address in participant.addresses]
-        if not reached:
-            message = f"DDS on {name} says that it is reached at {_named(there)}, and others look for it at {address}"
+        reachable_participants = [participant for participant in there if address in participant.addresses]
+        if not reachable_participants:
+            message = (
+                f"DDS on {name} says that it is reached at {_list_addresses(there)}, "
+                f"and others look for it at {address}"
+            )
             hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
             return unknown("not-reachable", message, hint)
         where = f"at {address}, in domain {domain}"
-        if len(reached) == 1:
+        if len(reachable_participants) == 1:
             return good("answers", f"1 DDS participant on {name} answers {where}")
-        return good("answers", f"{len(reached)} DDS participants on {name} answer {where}")
+        return good("answers", f"{len(reachable_participants)} DDS participants on {name} answer {where}")
 
 
-def _named(there: Sequence[_Participant]) -> str:
+def _list_addresses(there: Sequence[_Participant]) -> str:
     """Where they say that they are reached."""
-    return listed(sorted({address for participant in there for address in participant.addresses})) or "none"
+    return join_words(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
-def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
+def _read_participants(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
     """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
     if not isinstance(answer, DdsDiscoverResult):
         return unreadable(name, "its DDS participants")
@@ -232,25 +235,25 @@ def _answered(answer: Answer, name: str, address: str) -> tuple[_Participant, ..
         return unknown("no-such-address", message, f"bring its network or its tunnel up first: `ip -br addr` on {name}")
     if answer.trouble is not None:
         return silent(name, answer.trouble, answer.words)
-    found: dict[bytes, _Participant] = {}
+    participants: dict[bytes, _Participant] = {}
     spoke: set[bytes] = set()
     for _, datagram in answer.datagrams:
         prefix = datagram[8:_HEADER]
         if datagram[:4] != b"RTPS" or len(prefix) != len(answer.prefix) or prefix == answer.prefix:
             continue
         try:
-            aimed, announced = _message(datagram, answer.prefix)
+            is_for_us, new_participant = _message(datagram, answer.prefix)
         except (struct.error, ValueError, IndexError):
             continue
-        spoke |= {prefix} if aimed else set()
-        if announced is not None:
-            found[prefix] = announced
-    return tuple(participant for prefix, participant in found.items() if prefix in spoke)
+        spoke |= {prefix} if is_for_us else set()
+        if new_participant is not None:
+            participants[prefix] = new_participant
+    return tuple(participant for prefix, participant in participants.items() if prefix in spoke)
 
 
 def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None]:
     """Whether a message speaks to who asked, and whom it announces. Raises struct.error, ValueError, IndexError."""
-    at, to_us, aimed, announced = _HEADER, False, False, None
+    at, to_us, is_for_us, new_participant = _HEADER, False, False, None
     while at + 4 <= len(message):
         kind, flags = message[at], message[at + 1]
         order = "<" if flags & 1 else ">"
@@ -260,14 +263,14 @@ def _message(message: bytes, asked_by: bytes) -> tuple[bool, _Participant | None
             raise ValueError
         if kind == _INFO_DST:
             to_us = body[:12] == asked_by
-        aimed = aimed or (to_us and kind in _SPEAK)
+        is_for_us = is_for_us or (to_us and kind in _SPEAK)
         if kind == _DATA and body[8:12] == _ANNOUNCER:
-            announced = _announced(body, flags, order) or announced
+            new_participant = _parse_announcement(body, flags, order) or new_participant
         at = at + 4 + length if length else len(message)
-    return aimed, announced
+    return is_for_us, new_participant
 
 
-def _announced(body: bytes, flags: int, order: str) -> _Participant | None:
+def _parse_announcement(body: bytes, flags: int, order: str) -> _Participant | None:
     """Read SPDP's DATA (9.4.5.4): None for one that leaves, which has a key and a status, and no data."""
     if not flags & 4:
         return None
@@ -285,27 +288,28 @@ def _announced(body: bytes, flags: int, order: str) -> _Participant | None:
 
 def _parameters(data: bytes, at: int, order: str) -> tuple[list[tuple[str, int, bytes]], int]:
     """Byte order, name and value of each, and where they end (9.4.2.11). Raises struct.error without an end."""
-    found: list[tuple[str, int, bytes]] = []
+    parameters: list[tuple[str, int, bytes]] = []
     while True:
         name, length = struct.unpack_from(f"{order}HH", data, at)
         if name == 1:
-            return found, at + 4
-        found.append((order, name, data[at + 4 : at + 4 + length]))
+            return parameters, at + 4
+        parameters.append((order, name, data[at + 4 : at + 4 + length]))
         at += 4 + length
 
 
 def _read_sockets(text: str) -> Iterator[_BoundPorts]:
     rows = filter(None, map(_ROW.match, text.splitlines()))
     sockets = sorted((int(row[2], 16), int(row[3])) for row in rows)
-    known = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
-    for domain, those in groupby(known, lambda item: (item.port - _BASE) // _DOMAIN):
+    bound_sockets = [_Socket(port, drops) for port, drops in sockets if _BASE <= port < _HANDED_OUT]
+    for domain, those in groupby(bound_sockets, lambda item: (item.port - _BASE) // _DOMAIN):
         yield _BoundPorts(domain, tuple(those))
 
 
 def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
     if near:
         message = (
-            f"DDS on {name} runs in domain {listed(str(item.domain) for item in near)}, and {dds.domain} is declared"
+            f"DDS on {name} runs in domain {join_words(str(item.domain) for item in near)}, "
+            f"and {dds.domain} is declared"
         )
         return fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
     hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
@@ -313,31 +317,33 @@ def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
     return unknown("nobody-announces", message, hint)
 
 
-def _judged(name: str, dds: Dds, received: _BoundPorts) -> Iterator[BearerFinding]:
-    ours = received.participants
-    yield from _profile(name, received)
+def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
+    ours = bound_ports.participants
+    yield from _profile(name, bound_ports)
     late = [item for item in ours if item.participant is not None and item.participant >= dds.participants]
     if late:
         message = (
             f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {dds.participants}"
         )
         yield warn("too-many-participants", message, "no peer finds those: stop some, or declare more `participants`")
-    dropped = sum(our.drops for our in ours)
-    if dropped:
-        message = f"{name} has dropped {dropped} announcements of DDS that no program took in time"
+    drop_count = sum(our.drops for our in ours)
+    if drop_count:
+        message = f"{name} has dropped {drop_count} announcements of DDS that no program took in time"
         yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
-def _profile(name: str, received: _BoundPorts) -> Iterator[BearerFinding]:
+def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
     hint = "end what runs, source the site's ros.env of the link in use, and start it again"
-    if received.strangers and not received.participants:
-        message = f"DDS on {name} runs in domain {received.domain} without the site's profile: no other site finds it"
+    if bound_ports.strangers and not bound_ports.participants:
+        message = (
+            f"DDS on {name} runs in domain {bound_ports.domain} without the site's profile: no other site finds it"
+        )
         yield fail("without-profile", message, hint)
-    elif received.strangers:
+    elif bound_ports.strangers:
         message = (
             f"1 DDS participant on {name} runs without the site's profile: other sites may not find it, or lose it"
-            if received.strangers == 1
-            else f"{received.strangers} DDS participants on {name} run without the site's profile:"
+            if bound_ports.strangers == 1
+            else f"{bound_ports.strangers} DDS participants on {name} run without the site's profile:"
             " other sites may not find them, or lose them"
         )
         yield warn("without-profile", message, hint)

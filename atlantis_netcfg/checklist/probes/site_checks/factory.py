@@ -11,8 +11,8 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     ask,
     fail,
     good,
-    listed,
-    measured,
+    join_words,
+    measured_evidence,
     neighbours,
     read,
     rows,
@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     unreadable,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
+from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, RouterOsQuery, Step
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
 
@@ -70,18 +70,18 @@ class _Factory:
     @property
     def _addresses(self) -> tuple[str, ...]:
         """Those that the declaration gives to nobody, and that lie in no declared network."""
-        site = self.site.declared
+        site = self.site.site_config
         networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
         return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
         result = [neighbours(results["arp"], router)]
         if self.site.gateway is not None:
             result.append(neighbours(results["neighbours"], self.site.gateway.name))
         names = rows(results["names"], router, "its neighbours", "mac-address")
-        seen = {
+        neighbour_places = {
             (neighbour.address, neighbour.mac): neighbour.interface
             for part in result
             if not isinstance(part, BearerFinding)
@@ -91,44 +91,56 @@ class _Factory:
             address: rows(results[f"ping {address}"], router, "who answers its ARP questions", "sent")
             for address in self._addresses
         }
-        answered = [
-            entry for entry, told_of in pings.items() if not isinstance(told_of, BearerFinding) and _received(told_of)
+        answering_addresses = [
+            entry
+            for entry, told_of in pings.items()
+            if not isinstance(told_of, BearerFinding) and _has_answers(told_of)
         ]
         wrong = [
-            *self._at_addresses(seen, answered),
-            *_called(self.site.name, () if isinstance(names, BearerFinding) else names),
+            *self._at_addresses(neighbour_places, answering_addresses),
+            *_check_names(self.site.name, () if isinstance(names, BearerFinding) else names),
         ]
-        unasked = [] if all(map(_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
-        silence = [part for part in (*result, names, *pings.values(), *unasked) if isinstance(part, BearerFinding)]
-        evidence = (
-            *(measured(f"{item}, asked by ARP", "answers") for item in answered),
-            *(read(f"{address} on {place}", mac) for (address, mac), place in seen.items() if address in FACTORY),
+        ping_problems = (
+            [] if all(map(_was_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
         )
-        told_of = f"nobody in the LAN answers at {listed(self._addresses)}"
-        return Judged(
+        silence = [
+            part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, BearerFinding)
+        ]
+        evidence = (
+            *(measured_evidence(f"{item}, asked by ARP", "answers") for item in answering_addresses),
+            *(
+                read(f"{address} on {place}", mac)
+                for (address, mac), place in neighbour_places.items()
+                if address in FACTORY
+            ),
+        )
+        told_of = f"nobody in the LAN answers at {join_words(self._addresses)}"
+        return ProbeResult(
             tuple(dict.fromkeys((*wrong, *silence))) or (good("nobody-on-factory-settings", told_of),), evidence
         )
 
-    def _at_addresses(self, seen: Mapping[tuple[str, str], str], answered: list[str]) -> Iterator[BearerFinding]:
+    def _at_addresses(
+        self, neighbour_places: Mapping[tuple[str, str], str], answering_addresses: list[str]
+    ) -> Iterator[BearerFinding]:
         for address in self._addresses:
-            there = next(((mac, place) for (item, mac), place in seen.items() if item == address), None)
-            if there is None and address not in answered:
+            there = next(((mac, place) for (item, mac), place in neighbour_places.items() if item == address), None)
+            if there is None and address not in answering_addresses:
                 continue
             who = f"{there[0]} on {there[1]}" if there else "somebody in the LAN"
             message = f"{who} answers at {address}, {FACTORY[address]}"
             yield fail("factory-address", message, "give that device its declared address, or unplug it")
 
 
-def _received(result: Sequence[Mapping[str, str]]) -> bool:
+def _has_answers(result: Sequence[Mapping[str, str]]) -> bool:
     return any(row.get("received", "0") not in {"", "0"} for row in result)
 
 
-def _sent(result: Sequence[Mapping[str, str]] | BearerFinding) -> bool:
+def _was_sent(result: Sequence[Mapping[str, str]] | BearerFinding) -> bool:
     """A ping that was not carried out says nothing; of who was not asked at all it is said elsewhere."""
     return isinstance(result, BearerFinding) or any(row.get("sent", "0") not in {"", "0"} for row in result)
 
 
-def _called(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[BearerFinding]:
+def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[BearerFinding]:
     for row in names:
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")

@@ -14,13 +14,20 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
     good,
-    listed,
-    measured,
+    join_words,
+    measured_evidence,
     read,
     step,
     unknown,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, LinkRecordRequest, LinkRecordResult, Question, Step
+from atlantis_netcfg.checklist.probes.step import (
+    Answer,
+    LinkRecordRequest,
+    LinkRecordResult,
+    ProbeResult,
+    Question,
+    Step,
+)
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.qualify.session import EndReason
@@ -46,15 +53,15 @@ def link_qualified_checks(site: OwnSite) -> tuple[Step, ...]:
         step(
             f"{NAME}-{bearer.name}",
             f"Link {bearer.name} was measured, and carries what it has to",
-            _LinkQualified(site, bearer),
+            _LinkQualificationCheck(site, bearer),
             (*site.hosts[:1], *((bearer.device,) if bearer.device else ())),
         )
-        for bearer in site.declared.bearers
+        for bearer in site.site_config.bearers
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _LinkQualified:
+class _LinkQualificationCheck:
     """The link was measured not long ago, and carries what it has to."""
 
     site: OwnSite
@@ -63,38 +70,38 @@ class _LinkQualified:
     def asks(self) -> tuple[Question, ...]:
         return (LinkRecordRequest("record", self.site.name, self.bearer.name),)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         answer = results["record"]
         if not isinstance(answer, LinkRecordResult) or answer.trouble is not None or answer.now is None:
             why = f": {answer.words}" if isinstance(answer, LinkRecordResult) and answer.words else ""
             hint = f"look at `provision qualify history site={self.site.name} link={self.bearer.name}`"
-            return Judged(
+            return ProbeResult(
                 (unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
             )
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         record = answer.record
         if record is None:
             message = f"{self.bearer.name} was never measured by this computer"
-            return Judged((unknown("never-measured", message, again),))
-        if record.run.emulated and not answer.rehearsed:
+            return ProbeResult((unknown("never-measured", message, again),))
+        if record.run.emulated and not answer.is_rehearsal:
             message = f"the measurement of {self.bearer.name} was of an emulated link"
-            return Judged((unknown("emulated", message, again),))
-        wrong = (*self._wrong(record, answer.now, rehearsed=answer.rehearsed),)
-        if answer.rehearsed:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
-            return Judged(wrong or (self._not_measured(),))
-        return Judged(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
+            return ProbeResult((unknown("emulated", message, again),))
+        wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
+        if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
+            return ProbeResult(wrong or (self._not_measured(),))
+        return ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
-    def _wrong(self, record: QualifyRecord, now: datetime, *, rehearsed: bool) -> Iterator[BearerFinding]:
+    def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[BearerFinding]:
         """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
         run, name = record.run, self.bearer.name
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
-        failed = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
+        failed_criteria = [item.criterion for item in record.judgements if item.verdict is Verdict.FAIL]
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
-        if failed:
-            message = f"{name} does not hold `{record.thresholds_name}`: {listed(failed)}"
-            shown = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
-            yield fail("beyond-the-limit", message, again if rehearsed else shown)
+        if failed_criteria:
+            message = f"{name} does not hold `{record.thresholds_name}`: {join_words(failed_criteria)}"
+            show_hint = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
+            yield fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
         if run.way is Verdict.FAIL:
             yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:
@@ -105,21 +112,21 @@ class _LinkQualified:
         if run.reason != EndReason.DONE:
             yield unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
         if open_ or not record.judgements:
-            what = listed(open_) or "it has no round trips without load"
+            what = join_words(open_) or "it has no round trips without load"
             yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
         if run.kind != self.bearer.kind.value:
             kinds = f"it was of kind {run.kind}, and is of kind {self.bearer.kind.value} now"
             yield unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
         yield from self._aged(run.begun, now)
 
-    def _aged(self, begun: datetime, now: datetime) -> Iterator[BearerFinding]:
-        days = self.site.declared.checklist.qualified_within_days
+    def _aged(self, start: datetime, now: datetime) -> Iterator[BearerFinding]:
+        days = self.site.site_config.checklist.qualified_within_days
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
-        if begun > now + _AHEAD:
-            message = f"the measurement of {self.bearer.name} is of the future: {begun:%Y-%m-%d %H:%M} UTC"
+        if start > now + _AHEAD:
+            message = f"the measurement of {self.bearer.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
             yield unknown("of-the-future", message, "look at this computer's clock, then measure again")
-        elif now - begun > timedelta(days=days):
-            age = (now - begun).days
+        elif now - start > timedelta(days=days):
+            age = (now - start).days
             old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
             yield unknown("stale", old, again)
 
@@ -140,4 +147,4 @@ def _evidence(record: QualifyRecord) -> Iterator[Evidence]:
     yield read("SHA-256 of its samples", record.samples_sha256)
     for item in record.judgements:
         value = "not known" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
-        yield measured(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")
+        yield measured_evidence(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")

@@ -112,24 +112,24 @@ def read(what: str, value: str) -> Evidence:
     return Evidence(type=EvidenceType.READ, what=what, value=value)
 
 
-def measured(what: str, value: str) -> Evidence:
+def measured_evidence(what: str, value: str) -> Evidence:
     """By this tool."""
     return Evidence(type=EvidenceType.MEASURED, what=what, value=value)
 
 
-def declared(what: str, value: str) -> Evidence:
+def declared_evidence(what: str, value: str) -> Evidence:
     """In the inventory."""
     return Evidence(type=EvidenceType.DECLARED, what=what, value=value)
 
 
-def listed(words: Iterable[str]) -> str:
+def join_words(words: Iterable[str]) -> str:
     """Read `a`, `a and b`, `a, b and c`."""
     every = list(words)
     return " and ".join(filter(None, (", ".join(every[:-1]), *every[-1:])))
 
 
 _TRUE = frozenset({"true", "yes"})
-_GONE = frozenset({"FAILED", "INCOMPLETE"})
+_GONE_STATES = frozenset({"FAILED", "INCOMPLETE"})
 _STALE = "STALE"
 """The words of the kernel for an entry, which are RouterOS' `status` as well, there in small letters."""
 
@@ -140,7 +140,7 @@ class InterfaceAddress:
 
     interface: str
     address: IPv4Interface
-    leased: bool
+    is_leased: bool
     """A DHCP server gave it, and may take it back."""
     dead: bool = False
     """Disabled, or invalid."""
@@ -190,7 +190,7 @@ def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, st
     return answer.rows
 
 
-def printed(answer: Answer, who: str) -> str | BearerFinding:
+def get_output(answer: Answer, who: str) -> str | BearerFinding:
     """What a program printed that has ended well."""
     if not isinstance(answer, CommandResult):
         return unreadable(who, "itself")
@@ -202,9 +202,9 @@ def printed(answer: Answer, who: str) -> str | BearerFinding:
     return answer.out
 
 
-def parsed(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
+def parse_json_list(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
     """Read the JSON of iproute2: a list of objects."""
-    text = printed(answer, who)
+    text = get_output(answer, who)
     if isinstance(text, BearerFinding):
         return text
     try:
@@ -223,17 +223,21 @@ def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | Bearer
         result = rows(answer, who, "its addresses", "address")
         current = () if isinstance(result, BearerFinding) else tuple(_of_router(result))
     else:
-        result = parsed(answer, who, "its addresses")
+        result = parse_json_list(answer, who, "its addresses")
         current = () if isinstance(result, BearerFinding) else tuple(_of_computer(result))
     if isinstance(result, BearerFinding):
         return result
-    known = tuple(item for item in current if item is not None)
-    return known if known and len(known) == len(current) else unreadable(who, "its addresses")
+    known_addresses = tuple(item for item in current if item is not None)
+    return (
+        known_addresses
+        if known_addresses and len(known_addresses) == len(current)
+        else unreadable(who, "its addresses")
+    )
 
 
-def _of_router(found: Iterable[Mapping[str, str]]) -> Iterable[InterfaceAddress | None]:
+def _of_router(router_rows: Iterable[Mapping[str, str]]) -> Iterable[InterfaceAddress | None]:
     """None: a row that is not understood."""
-    for row in found:
+    for row in router_rows:
         address = _interface(row.get("address"))
         if address is None:
             yield None
@@ -248,12 +252,12 @@ def _of_computer(result: list[dict[str, Any]]) -> Iterable[InterfaceAddress | No
         for entry in row.get("addr_info") or ():
             if isinstance(entry, dict) and entry.get("family") == "inet":
                 address = _interface(f"{entry.get('local')}/{entry.get('prefixlen')}")
-                known = (
+                interface_address = (
                     InterfaceAddress(str(row.get("ifname", "?")), address, entry.get("dynamic") is True)
                     if address
                     else None
                 )
-                yield known
+                yield interface_address
 
 
 def _interface(text: str | None) -> IPv4Interface | None:
@@ -266,25 +270,30 @@ def _interface(text: str | None) -> IPv4Interface | None:
 def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
     """Who has answered: of a computer `ip -j neigh show`, of a router `/ip/arp`."""
     if isinstance(answer, Rows):
-        found = rows(answer, who, "its table of ARP", "address")
-        return found if isinstance(found, BearerFinding) else tuple(_arp(found, who))
-    result = parsed(answer, who, "its neighbours")
+        arp_rows = rows(answer, who, "its table of ARP", "address")
+        return arp_rows if isinstance(arp_rows, BearerFinding) else tuple(_arp(arp_rows, who))
+    result = parse_json_list(answer, who, "its neighbours")
     return result if isinstance(result, BearerFinding) else tuple(_neigh(result, who))
 
 
-def _arp(found: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
-    for row in found:
+def _arp(arp_rows: Iterable[Mapping[str, str]], who: str) -> Iterable[Neighbour]:
+    for row in arp_rows:
         address, mac = row.get("address", ""), row.get("mac-address", "")
         status = row.get("status", "").upper()
-        gone = yes(row, "disabled") or yes(row, "invalid") or row.get("complete") in {"false", "no"} or status in _GONE
-        if mac and not gone and is_address(address):
+        is_gone = (
+            yes(row, "disabled")
+            or yes(row, "invalid")
+            or row.get("complete") in {"false", "no"}
+            or status in _GONE_STATES
+        )
+        if mac and not is_gone and is_address(address):
             yield Neighbour(address, mac.lower(), row.get("interface", "?"), who, status != _STALE)
 
 
 def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
     for row in result:
         address, mac, state = str(row.get("dst", "")), row.get("lladdr"), row.get("state") or ()
-        if isinstance(mac, str) and is_address(address) and not _GONE & set(state):
+        if isinstance(mac, str) and is_address(address) and not _GONE_STATES & set(state):
             yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
@@ -319,7 +328,7 @@ def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding
 
 def active_bearer(site: OwnSite, results: Mapping[str, Answer]) -> Bearer | None:
     """Which link carries the site's traffic, of several the least preferred; None: the router does not tell."""
-    for bearer in reversed(site.declared.bearers):
+    for bearer in reversed(site.site_config.bearers):
         answer = results.get(f"look {bearer.name}")
         if isinstance(answer, LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
             return bearer
@@ -341,13 +350,13 @@ class ComputerReadings:
     @property
     def interface(self) -> str:
         """Of the LAN: its name where it is declared, else the address that it has."""
-        named = self.device.network.interface if self.device.network is not None else None
-        if named is None and self.device.image is not None:
-            named = self.device.image.interface
-        return named or str(self.device.address)
+        interface_name = self.device.network.interface if self.device.network is not None else None
+        if interface_name is None and self.device.image is not None:
+            interface_name = self.device.image.interface
+        return interface_name or str(self.device.address)
 
     @property
-    def leased(self) -> bool:
+    def is_leased(self) -> bool:
         """Whether a reservation of the LAN gives it its address."""
         return self.device.image is not None and self.device.image.address_by is AddressBy.DHCP
 
@@ -358,7 +367,7 @@ class OwnSite:
 
     declaration: Declaration
     name: str
-    declared: Site
+    site_config: Site
     router: Host | None
     view: RouterView | None
     """Of the router."""
@@ -382,7 +391,7 @@ def own_site(cell: Cell) -> OwnSite:
     return OwnSite(
         declaration=cell.declaration,
         name=cell.site,
-        declared=cell.declared,
+        site_config=cell.site_config,
         router=router,
         view=None if router is None else router_view(cell.declaration, router),
         gateway=None if gateway is None else ComputerReadings(gateway.name, cast("ServerComputer", gateway.device)),
@@ -430,7 +439,7 @@ def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple
 def bearer_requests(site: OwnSite) -> tuple[LinkStatusRequest, ...]:
     """How every bearer of the site is; `look` and its name are the question's."""
     return (
-        tuple(LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.declared.bearers)
+        tuple(LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.site_config.bearers)
         if site.router
         else ()
     )

@@ -10,14 +10,14 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     OwnSite,
     fail,
     good,
-    listed,
+    join_words,
     read,
     rows,
     step,
     unknown,
     warn,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, RouterOsQuery, Step
+from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, RouterOsQuery, Step
 from atlantis_netcfg.inventory.model import PoeMode
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
@@ -80,39 +80,41 @@ class _PoeCheck:
     def _monitor(host: str, port: str) -> RouterOsQuery:
         return RouterOsQuery(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
         values = {port: rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
         silence = [entry for entry in values.values() if isinstance(entry, BearerFinding)]
         if len(silence) == len(values):
-            return Judged((_board(name, values) or silence[0],))
+            return ProbeResult((_board(name, values) or silence[0],))
         names = rows(results[_NAMES], name, "the names of its ports", "default-name")
         if isinstance(names, BearerFinding):
-            return Judged((names,))
-        if renamed := tuple(_renamed(name, values, names)):
-            return Judged(renamed)
-        ports = {port: row for port, found in values.items() if (row := _row_of(port, found)) is not None}
+            return ProbeResult((names,))
+        if rename_findings := tuple(_check_port_names(name, values, names)):
+            return ProbeResult(rename_findings)
+        ports = {port: row for port, port_rows in values.items() if (row := _row_of(port, port_rows)) is not None}
         modes = {item.name: item.poe.out for item in self.site.device.ports if item.poe is not None}
         wrong = [
-            finding for port in values for finding in _judged(name, port, fed.get(port), ports.get(port), modes[port])
+            finding
+            for port in values
+            for finding in _judge_port(name, port, fed.get(port), ports.get(port), modes[port])
         ]
-        evidence = tuple(read(f"PoE on {port} of {name}", _worded(row)) for port, row in ports.items())
-        return Judged(tuple(wrong) or (self._fine(ports, fed),), evidence)
+        evidence = tuple(read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
+        return ProbeResult(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
     def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> BearerFinding:
-        drawn = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
-        if not drawn:
+        draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
+        if not draws:
             return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
-        return good("powered", f"{listed(drawn)} {'draws' if len(drawn) == 1 else 'draw'} power from the router")
+        return good("powered", f"{join_words(draws)} {'draws' if len(draws) == 1 else 'draw'} power from the router")
 
 
-def _renamed(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
+def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
     """What was told under the name of a port is about another socket, or none."""
-    called = {row.get("default-name", ""): row.get("name", "") for row in names}
+    name_by_port = {row.get("default-name", ""): row.get("name", "") for row in names}
     for port in ports:
-        if called.get(port, port) != port:
-            message = f"{port} of {name} is called {called[port]} there, so that its power was not told"
+        if name_by_port.get(port, port) != port:
+            message = f"{port} of {name} is called {name_by_port[port]} there, so that its power was not told"
             yield fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
@@ -120,7 +122,7 @@ def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
     """A board without PoE knows neither the menu nor the ports."""
     if any(not isinstance(item, BearerFinding) or item.code != "refused" for item in values.values()):
         return None
-    message = f"{name} tells nothing of PoE: it seems to have none, though {listed(values)} are declared to feed"
+    message = f"{name} tells nothing of PoE: it seems to have none, though {join_words(values)} are declared to feed"
     hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
     return unknown("no-poe", message, hint)
 
@@ -129,7 +131,7 @@ def _row_of(port: str, result: tuple[Mapping[str, str], ...] | BearerFinding) ->
     return None if isinstance(result, BearerFinding) else next((row for row in result if row.get("name") == port), None)
 
 
-def _judged(
+def _judge_port(
     name: str, port: str, box: str | None, row: Mapping[str, str] | None, mode: PoeMode
 ) -> Iterator[BearerFinding]:
     where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
@@ -168,6 +170,6 @@ def _draw(row: Mapping[str, str]) -> str:
     return row.get("poe-out-power") or row.get("poe-out-current") or "figure not told"
 
 
-def _worded(row: Mapping[str, str]) -> str:
+def _describe_power(row: Mapping[str, str]) -> str:
     figures = (row.get(f"poe-out-{what}") for what in ("status", "voltage", "current", "power"))
     return ", ".join(filter(None, figures))

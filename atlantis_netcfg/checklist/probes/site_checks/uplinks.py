@@ -16,11 +16,11 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     ask,
     bearer_requests,
     bearer_status,
-    declared,
+    declared_evidence,
     fail,
     good,
-    listed,
-    parsed,
+    join_words,
+    parse_json_list,
     read,
     rows,
     run,
@@ -29,7 +29,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Judged, Question, Step
+from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, Step
 from atlantis_netcfg.links import BearerFinding, LinkState
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, active_bearer, active_bearers
 from atlantis_netcfg.operations.links.status import IN_USE
@@ -65,17 +65,17 @@ class _DefaultRoute:
             *run("gateway", self.site, "ip -j route show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
         result = rows(results["routes"], name, "its routes", "dst-address")
         local = self._of_gateway(results)
         if isinstance(result, BearerFinding):
-            return Judged((result, *local))
+            return ProbeResult((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
-        found = tuple(_broad(result)) or tuple(self._of_router(routes, results))
+        findings = tuple(_broad(result)) or tuple(self._of_router(routes, results))
         evidence = tuple(read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
-        return Judged((*found, *local), evidence)
+        return ProbeResult((*findings, *local), evidence)
 
     @property
     def _ways(self) -> tuple[BearerRoute, ...]:
@@ -90,59 +90,62 @@ class _DefaultRoute:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
             hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
-            yield fail("two-ways", f"the site's traffic is split between {listed(active)}", hint)
+            yield fail("two-ways", f"the site's traffic is split between {join_words(active)}", hint)
         elif active_bearer(routes, self._ways) is None:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
-            yield self._judged(active[0], results)
+            yield self._judge_active(active[0], results)
 
-    def _judged(self, active: str, results: Mapping[str, Answer]) -> BearerFinding:
-        bearers = self.site.declared.bearers
+    def _judge_active(self, active: str, results: Mapping[str, Answer]) -> BearerFinding:
+        bearers = self.site.site_config.bearers
         place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
         better = {item.name: bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
         up = [
             name
-            for name, found in better.items()
-            if not isinstance(found, BearerFinding) and _state(found) is LinkState.UP
+            for name, status in better.items()
+            if not isinstance(status, BearerFinding) and _state(status) is LinkState.UP
         ]
-        unseen = [name for name, found in better.items() if isinstance(found, BearerFinding) or _state(found) is None]
-        paid = ", which costs by the byte" if bearers[place].metered else ""
+        unseen = [
+            name for name, status in better.items() if isinstance(status, BearerFinding) or _state(status) is None
+        ]
+        cost_note = ", which costs by the byte" if bearers[place].metered else ""
         if (use := _in_use(results[f"look {active}"], active)) is not None:
-            return warn("in-use-for-a-time", f"traffic leaves by {active}{paid}: {use['message']}", use["hint"])
+            return warn("in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"])
         if up:
-            return self._passed_by(active, paid, up)
+            return self._passed_by(active, cost_note, up)
         if unseen:
             message = (
-                f"traffic leaves by {active}{paid}; whether {listed(unseen)}, which is better, works, is not known"
+                f"traffic leaves by {active}{cost_note}; whether {join_words(unseen)}, which is better, works, "
+                "is not known"
             )
             return unknown(
                 "better-unknown",
                 message,
                 f"look at `provision links site={self.site.name}` when the boxes answer again",
             )
-        why = f", because {listed(better)} is not up" if better else ""
+        why = f", because {join_words(better)} is not up" if better else ""
         return good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
-    def _passed_by(self, active: str, paid: str, up: list[str]) -> BearerFinding:
-        message = f"traffic leaves by {active}{paid}, though {up[0]} is up and better"
-        wait = self.site.declared.failover.fail_back_s
+    def _passed_by(self, active: str, cost_note: str, up: list[str]) -> BearerFinding:
+        message = f"traffic leaves by {active}{cost_note}, though {up[0]} is up and better"
+        wait = self.site.site_config.failover.fail_back_s
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
-        return fail("metered-by-mistake", message, hint) if paid else warn("not-the-best", message, hint)
+        return fail("metered-by-mistake", message, hint) if cost_note else warn("not-the-best", message, hint)
 
     def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[BearerFinding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
-        result = parsed(results["gateway"], gateway.name, "its default route")
+        result = parse_json_list(results["gateway"], gateway.name, "its default route")
         if isinstance(result, BearerFinding):
             return (result,)
-        return tuple(_of_computer(gateway.name, str(self.site.declared.lan.gateway), result))
+        return tuple(_of_computer(gateway.name, str(self.site.site_config.lan.gateway), result))
 
 
 def _in_use(look: Answer, active: str) -> Mapping[str, str] | None:
     """What was found of a link that is in use for a time instead of the declared order."""
-    found = bearer_status(look, active)
-    findings = () if isinstance(found, BearerFinding) else found.get("findings") or ()
+    status = bearer_status(look, active)
+    findings = () if isinstance(status, BearerFinding) else status.get("findings") or ()
     return next((finding for finding in findings if finding.get("code") == IN_USE), None)
 
 
@@ -182,9 +185,9 @@ def _route_text(row: Mapping[str, str]) -> str:
     return f"{row.get('gateway', '?')}, distance {row.get('distance', '?')}"
 
 
-def _state(found: Mapping[str, Any]) -> LinkState | None:
+def _state(status: Mapping[str, Any]) -> LinkState | None:
     """None: nobody can tell."""
-    state = found.get("state")
+    state = status.get("state")
     return None if state in {None, LinkState.UNKNOWN.value} else LinkState(state) if state in set(LinkState) else None
 
 
@@ -246,7 +249,7 @@ def satellite_filter_check(site: OwnSite) -> Step:
     unless = "" if satellites else "the site has no satellite"
     boxes = tuple(
         bearer.device
-        for bearer in site.declared.bearers
+        for bearer in site.site_config.bearers
         if bearer.device and bearer.name in {up.name for up in satellites}
     )
     return step(
@@ -274,17 +277,18 @@ class _Filter:
         looks = (question for question in bearer_requests(self.site) if question.bearer in names)
         return (*ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         result = rows(results["rules"], self.site.router.name, "its firewall", "chain")
         if isinstance(result, BearerFinding):
-            return Judged((result,))
+            return ProbeResult((result,))
         rules = [row for row in result if not yes(row, "disabled") and not yes(row, "invalid")]
-        wrong = [finding for entry in self._satellites for finding in _judged(entry, rules)]
-        fine = [self._counted(item, results) for item in self._satellites]
+        wrong = [finding for entry in self._satellites for finding in _judge_rules(entry, rules)]
+        fine = [self._success_finding(item, results) for item in self._satellites]
         evidence = [
-            declared(
-                f"allowed over {uplink.name}", listed(f"{target.name} ({_where(target)})" for target in uplink.targets)
+            declared_evidence(
+                f"allowed over {uplink.name}",
+                join_words(f"{target.name} ({_where(target)})" for target in uplink.targets),
             )
             for uplink in self._satellites
         ]
@@ -292,37 +296,39 @@ class _Filter:
             read(f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules)))
             for satellite in self._satellites
         ]
-        return Judged(tuple(wrong or fine), tuple(evidence))
+        return ProbeResult(tuple(wrong or fine), tuple(evidence))
 
-    def _counted(self, satellite: Uplink, results: Mapping[str, Answer]) -> BearerFinding:
+    def _success_finding(self, satellite: Uplink, results: Mapping[str, Answer]) -> BearerFinding:
         """Counters that cannot be read take nothing away: the rules were seen."""
         values = bearer_status(results[f"look {satellite.name}"], satellite.name)
         quality = {} if isinstance(values, BearerFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
-        kept = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
-        allowed = listed(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
-        return good("stands", f"the allow-list of {satellite.name} lets through {allowed} and nothing else{kept}")
+        count_note = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
+        target_names = join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
+        return good(
+            "stands", f"the allow-list of {satellite.name} lets through {target_names} and nothing else{count_note}"
+        )
 
 
 def _where(target: Any) -> str:  # noqa: ANN401 - a Target of the view
     return target.address if target.port is None else f"{target.address}:{target.port}/{target.transport}"
 
 
-def _judged(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
+def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
     for chain in ("forward", "output"):
         yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
     if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
         yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
-    expected = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
+    expected_targets = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
     letting = [row for row in local if row.get("action") not in _HOLDS]
     there = {_target(row) for row in letting}
     whole = {_target(row) for row in letting if not _narrow(row, _TARGET)}
-    for target in sorted(there - expected):
+    for target in sorted(there - expected_targets):
         message = f"the allow-list of {satellite.name} also lets through {_target_text(target)}"
         hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
         yield fail("too-wide", message, hint)
-    for target in sorted(expected - whole):
+    for target in sorted(expected_targets - whole):
         message = f"the allow-list of {satellite.name} does not let through {_target_text(target)}"
         yield fail("too-narrow", message, "run the site, which puts the declared rule back")
 

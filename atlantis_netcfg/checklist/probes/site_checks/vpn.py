@@ -15,7 +15,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     by_hand,
     fail,
     good,
-    measured,
+    measured_evidence,
     read,
     rows,
     run,
@@ -26,7 +26,7 @@ from atlantis_netcfg.checklist.probes.site_checks.parse import (
     warn,
     yes,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, Judged, Question, Step
+from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Step
 from atlantis_netcfg.inventory.model import SshHost
 from atlantis_netcfg.links import BearerFinding
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 TUNNEL = "tun0"
 """Of the gateway computer (`templates/openvpn/client.conf.j2`)."""
 _PINGS = 5
-_REVOKED = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
+_REVOKED_HINT = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
 
 
 def vpn_check(site: OwnSite) -> Step:
@@ -98,11 +98,11 @@ class _VpnCheck:
                 )
         return (*request, *bearer_requests(self.site))
 
-    def judge(self, results: Mapping[str, Answer]) -> Judged:
-        found = list(self._of_router(results))
+    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+        findings = list(self._of_router(results))
         if self._gateway_is_in:
-            found += self._of_gateway(results)
-        return Judged(tuple(found), tuple(self._evidence(results)))
+            findings += self._of_gateway(results)
+        return ProbeResult(tuple(findings), tuple(self._evidence(results)))
 
     def _of_router(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
@@ -124,17 +124,17 @@ class _VpnCheck:
             )
         elif not yes(row, "running"):
             yield fail(
-                "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED
+                "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED_HINT
             )
         else:
             yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, expected: str, answer: Answer) -> BearerFinding:
+    def _address(self, name: str, interface: str, expected_address: str, answer: Answer) -> BearerFinding:
         current = addresses(answer, name)
         if isinstance(current, BearerFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
-        return _compared("router", f"{interface} of {name}", expected, there)
+        return _compare_address("router", f"{interface} of {name}", expected_address, there)
 
     def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         gateway = self.site.gateway
@@ -148,42 +148,44 @@ class _VpnCheck:
             hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
             yield fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
             return
-        yield _compared("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
+        yield _compare_address("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
         if "ping" in results:
-            yield from self._pinged(gateway.name, results)
+            yield from self._judge_ping(gateway.name, results)
         else:
             hint = "declare `vpn_address` of the VPN server, so that it can be asked"
             yield unknown(
                 "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
             )
 
-    def _pinged(self, name: str, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
+    def _judge_ping(self, name: str, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
         answer, server = results["ping"], self._server or ""
         if isinstance(answer, CommandResult) and answer.trouble is not None:
             yield silent(name, answer.trouble, answer.words)
             return
         echoes = read_ping(answer.out, server) if isinstance(answer, CommandResult) else None
-        if echoes is None or echoes.sent < _PINGS:
+        if echoes is None or echoes.sent_count < _PINGS:
             yield unreadable(name, "a ping")
             return
         strange = tuple(odd_answers(f"the VPN server {server}", echoes))
-        yield from strange or (self._counted(echoes, server, results),)
+        yield from strange or (self._judge_echoes(echoes, server, results),)
 
-    def _counted(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> BearerFinding:
-        sent, received = echoes.sent, echoes.received
-        if not received and self._over_satellite(results):
-            message = f"the VPN server {server} answered none of {sent} pings, over a satellite that may pause for 70 s"
+    def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> BearerFinding:
+        sent_count, received_count = echoes.sent_count, echoes.received_count
+        if not received_count and self._over_satellite(results):
+            message = (
+                f"the VPN server {server} answered none of {sent_count} pings, over a satellite that may pause for 70 s"
+            )
             return unknown("server-silent", message, "repeat the check; three silent rounds are more than a pause")
-        if not received:
+        if not received_count:
             hint = "is the VPN server running? `provision vpn status` asks it"
             return fail(
-                "server-silent", f"the VPN server {server} answered none of {sent} pings through the tunnel", hint
+                "server-silent", f"the VPN server {server} answered none of {sent_count} pings through the tunnel", hint
             )
         took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
-        text = f"the VPN server {server} answers {received} of {sent} pings through the tunnel{took}"
+        text = f"the VPN server {server} answers {received_count} of {sent_count} pings through the tunnel{took}"
         return (
             good("server-answers", text)
-            if received == sent
+            if received_count == sent_count
             else warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
         )
 
@@ -199,16 +201,16 @@ class _VpnCheck:
             else ""
         )
         if line:
-            yield measured(f"pings of {self._server} through the tunnel", line)
+            yield measured_evidence(f"pings of {self._server} through the tunnel", line)
         clients = results.get("clients")
         result = rows(clients, "", "", "name") if clients is not None else ()
         for row in () if isinstance(result, BearerFinding) else result:
             yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 
 
-def _compared(code: str, what: str, expected: str, there: list[str]) -> BearerFinding:
-    if expected in there:
-        return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected}")
+def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> BearerFinding:
+    if expected_address in there:
+        return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected_address}")
     has = there[0] if there else "no address"
-    message = f"{what} is up with {has}, and {expected} is declared"
+    message = f"{what} is up with {has}, and {expected_address} is declared"
     return fail(f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address")

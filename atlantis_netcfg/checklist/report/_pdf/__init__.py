@@ -47,4 +47,4 @@ def pdf(document: Document, files: Mapping[str, bytes]) -> bytes:
     items(sheet, document, files)
     not_rehearsed(sheet, document)
     provenance(sheet, document)
-    return sheet.written()
+    return sheet.to_bytes()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.report import _words as words
 from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Sheet, printable
-from atlantis_netcfg.checklist.report._photos import Attached, Photo, attached
+from atlantis_netcfg.checklist.report._photos import Photo, find_attachments
 from atlantis_netcfg.checklist.report._shapes import BADGE_HEIGHT, SYMBOLS, ShownState, cut, grid, state
 from atlantis_netcfg.checklist.report._svg import layout
 from atlantis_netcfg.checklist.report._texts import (
@@ -21,7 +21,14 @@ from atlantis_netcfg.checklist.report._texts import (
     was,
     was_green,
 )
-from atlantis_netcfg.checklist.report._words import circumstances, counts, evidence_groups, headline, signed, title
+from atlantis_netcfg.checklist.report._words import (
+    circumstances,
+    counts,
+    evidence_groups,
+    headline,
+    signature_line,
+    title,
+)
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.page import unread
@@ -29,6 +36,7 @@ from atlantis_netcfg.runs.report.page import unread
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from atlantis_netcfg.checklist.report._photos import Attachment
     from atlantis_netcfg.checklist.report._shapes import Badge, DrawingLayout, DrawnBox, DrawnWire, Grid, GridCell
     from atlantis_netcfg.checklist.report.document import Document, Item, Override
 
@@ -40,8 +48,8 @@ def first(sheet: Sheet, document: Document) -> None:
         sheet.head(translate(what))
     for item in every:
         sheet.room(20)
-        shown = state(item)
-        sheet.titled(shown, str(shown), item_title(item), link=sheet.link_of(item))
+        shown_state = state(item)
+        sheet.badge_line(shown_state, str(shown_state), item_title(item), link=sheet.link_of(item))
         sheet.tell(translate(item.message), indent=_INDENT)
         if item.hint:
             sheet.tell(f"→ {translate(item.hint)}", indent=_INDENT)
@@ -56,7 +64,7 @@ def overridden(sheet: Sheet, document: Document) -> None:
     for item in every:
         if item.override is not None:
             sheet.room(20)
-            sheet.titled(state(item), str(item.verdict), item_title(item), link=sheet.link_of(item))
+            sheet.badge_line(state(item), str(item.verdict), item_title(item), link=sheet.link_of(item))
             responsible(sheet, item.override, document.time_zone)
             sheet.set_y(sheet.y + 1.5)
 
@@ -81,18 +89,18 @@ def since_green(sheet: Sheet, document: Document) -> None:
         )
         sheet.tell(f"{change.id}: {before} → {after}: {translate(change.message)}", indent=_INDENT)
     if not green.changes:
-        sheet.tell(translate(PageText.UNCHANGED))
+        sheet.tell(translate(PageText.NO_CHANGES))
 
 
 def not_checked(sheet: Sheet, document: Document) -> None:
     """What was not checked, and why."""
     sheet.head(translate(PageText.NOT_CHECKED))
-    unsettled = [item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}]
+    open_items = [item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}]
     for entry in document.left_out:
         sheet.tell(f"{translate(entry.what)}: {translate(entry.why)}", indent=_INDENT)
-    for item in unsettled:
+    for item in open_items:
         sheet.tell(f"{SYMBOLS[state(item)]} {item_title(item)}: {translate(item.message)}", indent=_INDENT)
-    if not document.left_out and not unsettled:
+    if not document.left_out and not open_items:
         sheet.tell(translate(PageText.ALL_CHECKED))
 
 
@@ -116,28 +124,28 @@ def _plain(sheet: Sheet, what: str, sentences: tuple[str, ...]) -> None:
 _INDENT = 5.0
 _PHOTO_WIDTH, _PHOTO_HEIGHT = 100.0, 80.0
 
-_Kept = dict[tuple[str, str | None], "Attached"]
+_AttachmentMap = dict[tuple[str, str | None], "Attachment"]
 
 
 def items(sheet: Sheet, document: Document, files: Mapping[str, bytes]) -> None:
     """Write all of them."""
     sheet.head(translate(PageText.ITEMS), room=56)
-    kept = attached(document, files)
+    attachments = find_attachments(document, files)
     for row in grid(document).rows:
         if row.items:
             names = f" ({translate(also(row.row))})" if row.row.aliases else ""
             sheet.head(f"{row.row.name}{names}", size=11)
         for item in row.items:
-            _item(sheet, item, kept, document.time_zone)
+            _item(sheet, item, attachments, document.time_zone)
     if not document.items:
         sheet.tell(translate(PageText.NOTHING))
 
 
-def _item(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
+def _item(sheet: Sheet, item: Item, attachments: _AttachmentMap, zone: str) -> None:
     sheet.room(22)
     sheet.set_link(sheet.link_of(item), y=sheet.y, page=sheet.page)
-    shown = state(item)
-    sheet.titled(shown, str(shown), item_title(item))
+    shown_state = state(item)
+    sheet.badge_line(shown_state, str(shown_state), item_title(item))
     sheet.tell(item.id, size=SMALL, faint=True, indent=_INDENT)
     sheet.tell(translate(item.message), indent=_INDENT)
     if item.hint:
@@ -146,7 +154,7 @@ def _item(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
         sheet.tell(translate(was(item)), bold=True, indent=_INDENT)
         responsible(sheet, item.override, zone)
     _findings(sheet, item)
-    _evidence(sheet, item, kept, zone)
+    _evidence(sheet, item, attachments, zone)
     sheet.tell(circumstances(item, translate, zone), size=7, faint=True, indent=_INDENT)
     sheet.set_y(sheet.y + 2)
 
@@ -160,13 +168,13 @@ def _findings(sheet: Sheet, item: Item) -> None:
             sheet.tell(f"→ {translate(entry.hint)}", size=SMALL, indent=_INDENT + 6)
 
 
-def _evidence(sheet: Sheet, item: Item, kept: _Kept, zone: str) -> None:
+def _evidence(sheet: Sheet, item: Item, attachments: _AttachmentMap, zone: str) -> None:
     for kinds, every in evidence_groups(item, translate, zone):
         text = "; ".join(f"{translate(evidence.what)}: {evidence.value}" for evidence in every)
         sheet.tell(f"{text} ({kinds})", size=SMALL, indent=_INDENT + 3)
         last = every[-1]
         if last.file is not None:
-            file = kept[last.file, last.sha256]
+            file = attachments[last.file, last.sha256]
             sheet.tell(f"{file.name}: {translate(file.words)}", size=SMALL, bold=file.amiss, indent=_INDENT + 3)
             if file.photo is not None:
                 _photo(sheet, file.photo)
@@ -187,19 +195,19 @@ def top(sheet: Sheet, document: Document) -> None:
         sheet.tell(unread(), faint=True)
     sheet.tell(translate(subtitle(document)), faint=True)
     if document.rehearsed:
-        _rehearsed(sheet, document)
+        _rehearsal_banner(sheet, document)
     _verdict(sheet, document)
-    sheet.tell(translate(signed(document)), size=11, bold=True)
+    sheet.tell(translate(signature_line(document)), size=11, bold=True)
     if document.signed is not None:
         sheet.tell(translate(f"digest {document.signed.digest}"), size=SMALL)
         sheet.tell(translate(f"key {document.signed.key}"), size=SMALL)
 
 
-def _rehearsed(sheet: Sheet, document: Document) -> None:
+def _rehearsal_banner(sheet: Sheet, document: Document) -> None:
     """A banner between two thick bars, without a colour of its own: a verdict stands in a filled box."""
     _bar(sheet)
     sheet.tell(translate(PageText.REHEARSAL), size=13, bold=True)
-    sheet.tell(translate(PageText.EMULATED))
+    sheet.tell(translate(PageText.EMULATION_NOTE))
     if document.broken:
         sheet.tell(translate(PageText.BROKEN), bold=True)
     for item in document.broken:
@@ -233,11 +241,11 @@ def _verdict(sheet: Sheet, document: Document) -> None:
 def provenance(sheet: Sheet, document: Document) -> None:
     """Write what it was made from and by."""
     sheet.head(translate(PageText.MADE_FROM))
-    zone, ended = document.time_zone, document.ended
+    zone, end = document.time_zone, document.ended
     for label, value in (
         (PageText.RUN, document.run),
         (PageText.BEGAN, time_text(document.started, zone)),
-        (PageText.ENDED, time_text(ended, zone) if ended is not None else translate(PageText.NOT_YET)),
+        (PageText.END, time_text(end, zone) if end is not None else translate(PageText.NOT_YET)),
         (PageText.TOOL, f"atlantis-netcfg {document.tool}"),
         (PageText.INVENTORY, document.inventory),
         (PageText.EXIT, str(int(document.exit))),
@@ -254,46 +262,48 @@ _THICK = frozenset({ShownState.FAIL, ShownState.ERROR, ShownState.INCONCLUSIVE, 
 def table(sheet: Sheet, document: Document) -> None:
     """Draw the grid, its signs, and why a row differs from the report's."""
     sheet.head(translate(PageText.TABLE))
-    arranged = grid(document)
-    if arranged.rows:
-        _heads(sheet, arranged)
+    grid_layout = grid(document)
+    if grid_layout.rows:
+        _heads(sheet, grid_layout)
     place = False
-    for row in sorted(arranged.rows, key=lambda grid_row: grid_row.is_location):
+    for row in sorted(grid_layout.rows, key=lambda grid_row: grid_row.is_location):
         sheet.room(_ROW + 2)
         if row.is_location and not place:
             place = True
             sheet.set_y(sheet.y + 1.5)
         y = sheet.y
         sheet.plain(SMALL, bold=True)
-        _fitted(sheet, cut(printable(row.row.name), _NAME_LETTERS), (sheet.l_margin, y), (_NAME, _ROW), "L")
-        for cell, x in zip(row.cells, _lefts(sheet, arranged), strict=True):
-            _cell(sheet, cell, x, y, _width(sheet, arranged))
+        _fit_text(sheet, cut(printable(row.row.name), _NAME_LETTERS), (sheet.l_margin, y), (_NAME, _ROW), "L")
+        for cell, x in zip(row.cells, _lefts(sheet, grid_layout), strict=True):
+            _cell(sheet, cell, x, y, _width(sheet, grid_layout))
         sheet.set_xy(sheet.l_margin, y + _ROW + 0.6)
     _legend(sheet)
-    for row in arranged.rows:
+    for row in grid_layout.rows:
         if row.row.deviation:
             sheet.tell(translate(differs(row.row)), size=SMALL)
 
 
-def _width(sheet: Sheet, arranged: Grid) -> float:
-    return (sheet.epw - _NAME - _GAP) / max(len(arranged.columns) + len(arranged.beside), 1)
+def _width(sheet: Sheet, grid_layout: Grid) -> float:
+    return (sheet.epw - _NAME - _GAP) / max(len(grid_layout.columns) + len(grid_layout.beside), 1)
 
 
-def _lefts(sheet: Sheet, arranged: Grid) -> list[float]:
-    width, apart = _width(sheet, arranged), len(arranged.columns)
-    every = range(apart + len(arranged.beside))
+def _lefts(sheet: Sheet, grid_layout: Grid) -> list[float]:
+    width, apart = _width(sheet, grid_layout), len(grid_layout.columns)
+    every = range(apart + len(grid_layout.beside))
     return [sheet.l_margin + _NAME + width * number + (_GAP if number >= apart else 0) for number in every]
 
 
-def _heads(sheet: Sheet, arranged: Grid) -> None:
-    lefts, width, y = _lefts(sheet, arranged), _width(sheet, arranged), sheet.y
+def _heads(sheet: Sheet, grid_layout: Grid) -> None:
+    lefts, width, y = _lefts(sheet, grid_layout), _width(sheet, grid_layout), sheet.y
     sheet.plain(SMALL, faint=True)
-    if arranged.beside:
-        span = width * len(arranged.beside)
-        _fitted(sheet, printable(translate(PageText.BESIDE_TABLE)), (lefts[len(arranged.columns)], y), (span, 4), "C")
+    if grid_layout.beside:
+        span = width * len(grid_layout.beside)
+        _fit_text(
+            sheet, printable(translate(PageText.BESIDE_TABLE)), (lefts[len(grid_layout.columns)], y), (span, 4), "C"
+        )
     sheet.plain(SMALL, bold=True)
-    for column, x in zip((*arranged.columns, *arranged.beside), lefts, strict=True):
-        _fitted(sheet, printable(translate(title(column))).replace("\n", " "), (x, y + 4), (width, 4), "C")
+    for column, x in zip((*grid_layout.columns, *grid_layout.beside), lefts, strict=True):
+        _fit_text(sheet, printable(translate(title(column))).replace("\n", " "), (x, y + 4), (width, 4), "C")
     sheet.set_xy(sheet.l_margin, y + 8.5)
 
 
@@ -312,23 +322,23 @@ def _cell(sheet: Sheet, cell: GridCell, x: float, y: float, width: float) -> Non
     sheet.set_line_width(0.2)
     sign = f"({SYMBOLS[cell.state]})" if cell.beside else SYMBOLS[cell.state]
     sheet.set_font(FAMILY, "B", 10)
-    _fitted(sheet, sign, (x, y + 0.8), (width, 4.2), "C")
+    _fit_text(sheet, sign, (x, y + 0.8), (width, 4.2), "C")
     sheet.set_font(FAMILY, "B", 6)
-    _fitted(sheet, str(cell.state), (x + 0.6, y + 5), (width - 1.2, 3), "C")
+    _fit_text(sheet, str(cell.state), (x + 0.6, y + 5), (width - 1.2, 3), "C")
     if cell.first is not None:
         sheet.link(x, y, width, _ROW, sheet.link_of(cell.first))
 
 
-def _fitted(sheet: Sheet, text: str, at: Sequence[float], size: Sequence[float], align: str) -> None:
+def _fit_text(sheet: Sheet, text: str, at: Sequence[float], size: Sequence[float], align: str) -> None:
     """One line in a box; letters are made smaller until it has room."""
     points = sheet.font_size_pt
     width = sheet.get_string_width(text)
     if width > size[0] - 0.4 > 0:
         sheet.set_font_size(max(points * (size[0] - 0.4) / width, 1))
     sheet.set_xy(at[0], at[1])
-    sheet.c_margin, kept = 0.0, sheet.c_margin
+    sheet.c_margin, margin = 0.0, sheet.c_margin
     sheet.cell(size[0], size[1], text, align=align)
-    sheet.c_margin = kept
+    sheet.c_margin = margin
     sheet.set_font_size(points)
 
 
@@ -379,7 +389,7 @@ class _Pen:
     def _wire(self, wire: DrawnWire) -> None:
         self._sheet.tint(wire.state)
         self._sheet.set_line_width(0.5 if wire.state in _LOUD else 0.3)
-        if wire.dashed:
+        if wire.is_dashed:
             self._sheet.set_dash_pattern(dash=1.2, gap=0.8)
         self._sheet.polyline([self._at(*point) for point in wire.points])
         self._sheet.set_dash_pattern()
@@ -411,6 +421,6 @@ class _Pen:
             sheet.set_font_size(sheet.font_size_pt * max(width - 1, 0.5) / long)
         x, y = self._at(shape.x, top)
         sheet.set_xy(x, y)
-        sheet.c_margin, kept = 0.0, sheet.c_margin
+        sheet.c_margin, margin = 0.0, sheet.c_margin
         sheet.cell(width, 14 * self._scale, words, align="C")
-        sheet.c_margin = kept
+        sheet.c_margin = margin

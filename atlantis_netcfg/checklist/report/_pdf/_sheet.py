@@ -11,8 +11,8 @@ from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
 from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
-from atlantis_netcfg.checklist.report._texts import PageText, coded, name_of_page, uncoded
-from atlantis_netcfg.checklist.report._words import signed
+from atlantis_netcfg.checklist.report._texts import PageText, name_of_page, split_code, strip_code
+from atlantis_netcfg.checklist.report._words import signature_line
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
 from atlantis_netcfg.runs.report.page import page_language
@@ -71,9 +71,9 @@ def _fonts(paper: FPDF) -> list[TTFFont]:
 
 def printable(text: str) -> str:
     """Text as the fonts can print it: a character that they lack is written as `U+1F600`, none is dropped."""
-    known = _glyphs()
-    shown = visible(text).replace("\t", " ")
-    return "".join(item if ord(item) in known or item == "\n" else f"U+{ord(item):04X}" for item in shown)
+    glyphs = _glyphs()
+    visible_text = visible(text).replace("\t", " ")
+    return "".join(item if ord(item) in glyphs or item == "\n" else f"U+{ord(item):04X}" for item in visible_text)
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -85,11 +85,11 @@ def rgb(colour: str) -> tuple[int, int, int]:
 class Paper(FPDF):
     """A4 in our fonts; lengths are millimetres, sizes of letters points."""
 
-    def __init__(self, title: str, tool: str, created: datetime) -> None:
+    def __init__(self, title: str, tool: str, creation_time: datetime) -> None:
         super().__init__(format="A4")
         self.set_margin(_MARGIN)
         self.set_auto_page_break(True, 16)
-        self.set_creation_date(created)
+        self.set_creation_date(creation_time)
         self.set_title(printable(title))
         self.set_creator(printable(f"atlantis-netcfg {tool}"))
         self.set_lang(page_language())
@@ -99,7 +99,7 @@ class Paper(FPDF):
         """What stands on every page, so that one that was torn off is known."""
         self.plain()
 
-    def written(self) -> bytes:
+    def to_bytes(self) -> bytes:
         """All pages; the paper is used up then."""
         try:
             return bytes(self.output())
@@ -110,13 +110,13 @@ class Paper(FPDF):
     def header(self) -> None:
         """The first line of a page, above a rule."""
         # It may stand on top of a paragraph that is indented.
-        indented, self.l_margin = self.l_margin, _MARGIN
+        left_margin, self.l_margin = self.l_margin, _MARGIN
         self.plain(6.5, faint=True)
         self.say(self.head_line)
         self.set_draw_color(150)
         self.line(_MARGIN, self.y + 0.5, self.w - self.r_margin, self.y + 0.5)
         self.set_y(self.y + 3)
-        self.l_margin = indented
+        self.l_margin = left_margin
 
     def footer(self) -> None:
         """The number of the page."""
@@ -136,7 +136,7 @@ class Paper(FPDF):
         """A paragraph, broken where the paper ends."""
         self.set_x(self.l_margin + indent)
         height = self.font_size * 1.35
-        pieces = coded(printable(text))
+        pieces = split_code(printable(text))
         if any(is_code for _, is_code in pieces):
             self._with_code(pieces, height, indent)
         else:
@@ -184,10 +184,10 @@ class Sheet(Paper):
         self._links_to = {id(item): self.add_link(page=1) for item in document.items}
         words = [translate(f"{document.site}, run {document.run}")]
         if document.rehearsed:
-            words.append(translate(PageText.REHEARSED))
+            words.append(translate(PageText.REHEARSAL_NOTE))
         digest = f"digest {document.signed.digest}" if document.signed is not None else PageText.NOT_SIGNED
         self.head_line = "; ".join((*words, translate(digest)))
-        self.foot_line = translate(signed(document))
+        self.foot_line = translate(signature_line(document))
 
     def tint(self, state: ShownState | None) -> None:
         """The colours of a state, and an edge that tells it on black and white paper."""
@@ -205,11 +205,11 @@ class Sheet(Paper):
         self.cell(width, 5, text, border=1, fill=True, align="C", link=link or "")
         self.set_x(self.x + 2)
 
-    def titled(self, state: ShownState, words: str, text: str, *, link: int | None = None) -> None:
+    def badge_line(self, state: ShownState, words: str, text: str, *, link: int | None = None) -> None:
         """A badge, and beside it the words that it is about."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)
-        self.multi_cell(0, 5, printable(uncoded(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.multi_cell(0, 5, printable(strip_code(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.set_y(self.y + 0.7)
 
     def link_of(self, item: Item) -> int:

@@ -14,7 +14,14 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.checklist.runner.simulated import robots
-from atlantis_netcfg.checklist.runner.simulated._world import added, apart, changed, hushed, refitted, set_clock
+from atlantis_netcfg.checklist.runner.simulated._world import (
+    add_row,
+    apart,
+    change_modem,
+    change_rows,
+    set_clock,
+    silence_addresses,
+)
 from atlantis_netcfg.emulator.gnss import GnssAccess, Speech
 from atlantis_netcfg.emulator.linux import (
     AddressSpec,
@@ -58,7 +65,7 @@ def _gateway(change: Callable[[ComputerSpec], dict[str, Any]]) -> Callable[[Worl
 def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> Callable[[World], None]:
     """Change one interface. Raises KeyError where it is not there."""
 
-    def changed(computer: ComputerSpec) -> dict[str, Any]:
+    def update_interface(computer: ComputerSpec) -> dict[str, Any]:
         if computer.interface(name) is None:
             raise KeyError(name)
         return {
@@ -68,10 +75,10 @@ def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> 
             )
         }
 
-    return _gateway(changed)
+    return _gateway(update_interface)
 
 
-def _received(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
+def _change_association(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
     def change(interface: InterfaceSpec) -> dict[str, Any]:
         assert interface.association is not None  # noqa: S101 - a healthy radio is associated
         return {"association": interface.association.model_copy(update=changes)}
@@ -119,7 +126,7 @@ def _reflectors(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fi
     )
 
 
-def _expired(computer: ComputerSpec) -> dict[str, Any]:
+def _expire_certificate(computer: ComputerSpec) -> dict[str, Any]:
     old = CertificateSpec(subject=computer.name, not_after=CertificateSpec(subject="x").not_before)
     return {"certificates": {**computer.certificates, IDENTITY: (old, *computer.certificates[IDENTITY][1:])}}
 
@@ -128,10 +135,12 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "wifi-saturated": RehearsedFault(
         "the access point of Sparus is so near that it overdrives the receiver",
         ("sparus/wifi",),
-        _received("wlan1", signal_dbm=-18),
+        _change_association("wlan1", signal_dbm=-18),
     ),
     "wifi-weak": RehearsedFault(
-        "the access point of Girona 500 is hardly heard", ("girona500/wifi",), _received("wlan0", signal_dbm=-88)
+        "the access point of Girona 500 is hardly heard",
+        ("girona500/wifi",),
+        _change_association("wlan0", signal_dbm=-88),
     ),
     "wifi-gone": RehearsedFault(
         "the gateway has lost the access point of Mares",
@@ -141,12 +150,12 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "wifi-other": RehearsedFault(
         "the gateway's radio for Sparus has joined another network",
         ("sparus/wifi",),
-        _received("wlan1", ssid="EXAMPLE-SOMEBODY"),
+        _change_association("wlan1", ssid="EXAMPLE-SOMEBODY"),
     ),
     "wifi-indoors": RehearsedFault(
         "the access point of Mares is on a channel for indoor use",
         ("mares/wifi",),
-        _received("wlan2", frequency_mhz=5180),
+        _change_association("wlan2", frequency_mhz=5180),
     ),
     "wifi-loss": RehearsedFault(
         "two of five pings to Zarco are lost", ("zarco/wifi",), _echo("10.64.1.23", loss_percent=40.0)
@@ -239,7 +248,7 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         _reflectors(arrives_by="eth0"),
     ),
     "certificate-expired": RehearsedFault(
-        "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expired)
+        "the gateway's certificate of the VPN has expired", ("SITE/site/certificates",), _gateway(_expire_certificate)
     ),
     "dds-silent": RehearsedFault(
         "nothing speaks DDS on the gateway", ("SITE/site/dds",), _gateway(lambda _: {"udp": (), "dds": ()})
@@ -255,7 +264,7 @@ _ROUTER, _UNIT = "coastal-router", "coastal-4g"
 _LONG_AGO = datetime(2025, 1, 1, tzinfo=UTC)
 
 
-def _done(*acts: Act) -> Callable[[World], None]:
+def _add_acts(*acts: Act) -> Callable[[World], None]:
     return lambda world: world.acts.extend(acts)
 
 
@@ -277,7 +286,7 @@ def _station(mac: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN4
 
 
 def _unit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Callable[[World], None]:
-    return _done(refitted(_UNIT, before, after))
+    return _add_acts(change_modem(_UNIT, before, after))
 
 
 def _years_ago(world: World) -> None:
@@ -289,12 +298,12 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "bridge-saturated": RehearsedFault(
         "the two ends of the Wi-Fi bridge stand on one bench, 2 m apart",
         ("SITE/wifi",),
-        _done(apart("coastal-cpe", before={"distance_m": 150.0}, after={"distance_m": 2.0})),
+        _add_acts(apart("coastal-cpe", before={"distance_m": 150.0}, after={"distance_m": 2.0})),
     ),
     "bridge-weak": RehearsedFault(
         "something stands between the two ends of the Wi-Fi bridge",
         ("SITE/wifi",),
-        _done(apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
+        _add_acts(apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
     ),
     "station-key": RehearsedFault(
         "Stork has another key than the site's access point",
@@ -312,7 +321,7 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "access-point-off": RehearsedFault(
         "somebody has switched the site's access point off",
         ("zarco/wifi", "stork/wifi"),
-        _done(changed(_ROUTER, "/interface/wifi", {"default-name": "wifi1"}, disabled="yes")),
+        _add_acts(change_rows(_ROUTER, "/interface/wifi", {"default-name": "wifi1"}, disabled="yes")),
     ),
     "lte-no-card": RehearsedFault("there is no SIM in the 4G unit", ("SITE/4g",), _unit({"sim": {}}, {"sim": None})),
     "lte-roaming": RehearsedFault(
@@ -329,12 +338,12 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "dear-route": RehearsedFault(
         "somebody has set a default route over 4G by hand",
         ("SITE/site/default-route", "SITE/wifi", "SITE/4g"),
-        _done(added(_ROUTER, "/ip/route", dst_address="0.0.0.0/0", gateway="10.10.1.1", distance="1")),
+        _add_acts(add_row(_ROUTER, "/ip/route", dst_address="0.0.0.0/0", gateway="10.10.1.1", distance="1")),
     ),
     "bridge-beyond-silent": RehearsedFault(
         "nobody answers beyond the Wi-Fi bridge",
         ("SITE/wifi",),
-        _done(hushed(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
+        _add_acts(silence_addresses(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
     ),
     "poe-overload": RehearsedFault(
         "the port of the 4G unit is overloaded", ("SITE/site/poe",), _around(loads={"ether2": {"status": "overload"}})
@@ -358,12 +367,14 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "router-subnet-twice": RehearsedFault(
         "the router has a second address of its LAN on the same bridge",
         ("SITE/site/one-subnet-twice",),
-        _done(added(_ROUTER, "/ip/address", address="10.64.1.2/24", interface="bridge-lan")),
+        _add_acts(add_row(_ROUTER, "/ip/address", address="10.64.1.2/24", interface="bridge-lan")),
     ),
     "filter-open": RehearsedFault(
         "a rule of the satellite's allow-list is switched off",
         ("SITE/site/satellite-filter", "SITE/satellite/allow-list"),
-        _done(changed(_ROUTER, "/ip/firewall/filter", {"chain": "to-satellite", "action": "drop"}, disabled="yes")),
+        _add_acts(
+            change_rows(_ROUTER, "/ip/firewall/filter", {"chain": "to-satellite", "action": "drop"}, disabled="yes")
+        ),
     ),
 }
 
@@ -403,7 +414,9 @@ _GPS = {
         "the receiver of Zarco loses its fix while it is watched", ("zarco/gps",), _receiver("zarco", lost_after=2)
     ),
     "gps-swapped": RehearsedFault(
-        "the receiver of Mares has longitude and latitude exchanged", ("mares/gps",), _receiver("mares", swapped=True)
+        "the receiver of Mares has longitude and latitude exchanged",
+        ("mares/gps",),
+        _receiver("mares", has_swapped_axes=True),
     ),
     "gps-elsewhere": RehearsedFault(
         "the receiver of Sparus tells a position far from the site", ("sparus/gps",), _receiver("sparus", latitude=41.2)
@@ -425,7 +438,9 @@ _GPS = {
     "gps-in-use": RehearsedFault(
         "the gpsd of Stork is held by its own software", ("stork/gps",), _receiver("stork", access=GnssAccess.IN_USE)
     ),
-    "gps-gone": RehearsedFault("no gpsd runs on Zarco", ("zarco/gps",), _receiver("zarco", access=GnssAccess.REFUSED)),
+    "gps-gone": RehearsedFault(
+        "no gpsd runs on Zarco", ("zarco/gps",), _receiver("zarco", access=GnssAccess.UNREACHABLE)
+    ),
 }
 _GIRONA_MODEM = ("girona500/acoustic", "girona500/acoustic/fleet", "girona500/acoustic/message", "girona500/usbl")
 _SPARUS_MODEM = ("sparus/acoustic", "girona500/acoustic/fleet", "sparus/acoustic/message", "sparus/usbl")
@@ -435,7 +450,7 @@ _ACOUSTIC = {
         "the modem of Girona 500 is silent", _GIRONA_MODEM, _modem("girona500", silent=True)
     ),
     "modem-in-use": RehearsedFault(
-        "the modem of Sparus is held by its own software", _SPARUS_MODEM, _modem("sparus", held=True)
+        "the modem of Sparus is held by its own software", _SPARUS_MODEM, _modem("sparus", is_occupied=True)
     ),
     "modem-alarm": RehearsedFault(
         "the modem of Sparus tells an internal error",
@@ -514,8 +529,8 @@ _LINKS: Mapping[str, RehearsedFault] = {
     ),
 }
 
-_DISCOVERED = ("robot/discovered", "robot/control-centre")
-_PUBLISHED = ("robot/telemetry", "robot/pose", "robot/rates")
+_DISCOVERY_ITEMS = ("robot/discovered", "robot/control-centre")
+_PUBLICATION_ITEMS = ("robot/telemetry", "robot/pose", "robot/rates")
 
 
 def _robot(vehicle: str, change: robots.Change) -> Callable[[World], None]:
@@ -529,7 +544,7 @@ def _turns(vehicle: str, *items: str) -> tuple[str, ...]:
 _ROBOTS: Mapping[str, RehearsedFault] = {
     "robot-away": RehearsedFault(
         "the interface of Sparus is not started",
-        _turns("sparus", *_DISCOVERED, *_PUBLISHED),
+        _turns("sparus", *_DISCOVERY_ITEMS, *_PUBLICATION_ITEMS),
         _robot("sparus", robots.away),
     ),
     "robot-not-at-centre": RehearsedFault(
@@ -544,16 +559,16 @@ _ROBOTS: Mapping[str, RehearsedFault] = {
     ),
     "robot-token": RehearsedFault(
         "a robot that calls itself Stork has another token",
-        _turns("stork", *_DISCOVERED),
+        _turns("stork", *_DISCOVERY_ITEMS),
         _robot("stork", robots.says("EXAMPLE-stork-token", "EXAMPLE-another")),
     ),
     "robot-other-file": RehearsedFault(
         "the ECA ROV publishes another configuration than its file",
-        _turns("eca-rov", *_DISCOVERED),
+        _turns("eca-rov", *_DISCOVERY_ITEMS),
         _robot("eca-rov", robots.says("label: Leak", "label: Water")),
     ),
     "robot-twice": RehearsedFault(
-        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERED), _robot("zarco", robots.another())
+        "two robots call themselves Zarco", _turns("zarco", *_DISCOVERY_ITEMS), _robot("zarco", robots.another())
     ),
     "robot-stranger": RehearsedFault(
         "a robot that nobody has declared introduces itself",

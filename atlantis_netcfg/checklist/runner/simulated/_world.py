@@ -65,20 +65,24 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
     """Describe the gateway `host` with these vehicles around it."""
     device, lan = host.device, declaration.sites[host.site].lan
     assert isinstance(device, ServerComputer)  # noqa: S101 - the caller has looked
-    reserved = {reservation.name: reservation for reservation in lan.reservations}
+    reservation_by_name = {reservation.name: reservation for reservation in lan.reservations}
     server = declaration.hosts[declaration.pilot.vpn.server].device
     computer = lan_computer(
         host.name,
         address=f"{device.address}/{lan.network.prefixlen}",
         mac=device.mac,
         router=(str(lan.gateway), ROUTER_MAC),
-        others={str(reserved[key].address): reserved[key].mac for key in vehicles if key in reserved},
+        others={
+            str(reservation_by_name[key].address): reservation_by_name[key].mac
+            for key in vehicles
+            if key in reservation_by_name
+        },
         tunnel=f"{device.vpn_address}/{declaration.pilot.vpn.network.prefixlen}"
         if device.vpn_address is not None
         else None,
         server=str(server.vpn_address) if isinstance(server, VpnServer) else None,
     )
-    radios = (*_radios(declaration, vehicles), *_opened(declaration, host, vehicles))
+    radios = (*_radios(declaration, vehicles), *_open_network(declaration, host, vehicles))
     return computer.model_copy(
         update={
             "interfaces": (*computer.interfaces, *radios),
@@ -94,9 +98,9 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
 
 def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     """Give the file from which the computer gets its address at the next start: that of the role, or of its image."""
-    promised = computer_network(declaration, host)
-    if promised is not None:
-        return {promised.path: promised.content}
+    network_file = computer_network(declaration, host)
+    if network_file is not None:
+        return {network_file.path: network_file.content}
     assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
     prefix = declaration.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
@@ -138,11 +142,11 @@ def _behind(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[str
 
 def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
     """One radio for each access point, each in the network of its robot."""
-    seen: set[str] = set()
+    seen_interfaces: set[str] = set()
     for number, wifi in enumerate(_access_points(declaration, vehicles), start=1):
-        if wifi.interface in seen:
+        if wifi.interface in seen_interfaces:
             continue
-        seen.add(wifi.interface)
+        seen_interfaces.add(wifi.interface)
         local = None if wifi.address is None else f"{wifi.address + 100}/24"
         yield InterfaceSpec(
             name=wifi.interface,
@@ -157,15 +161,17 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[Int
         )
 
 
-def _opened(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
+def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
     """The radio of the gateway's own network; stations join it where the site has no other access point for them."""
     radio = host.device.access_point if isinstance(host.device, Gateway) else None
     if radio is None:
         return
     cells = [Cell(declaration, host.site, key, Column.WIFI) for key in vehicles]
-    found = [(cell, cell.wifi) for cell in cells if cell.wifi is not None]
+    wifi_cells = [(cell, cell.wifi) for cell in cells if cell.wifi is not None]
     macs = [
-        reserved_mac(cell, wifi.mac) for cell, wifi in found if wifi.role is WifiRole.STATION and wifi.seen_by is None
+        reserved_mac(cell, wifi.mac)
+        for cell, wifi in wifi_cells
+        if wifi.role is WifiRole.STATION and wifi.seen_by is None
     ]
     network = AssociationSpec(ssid=radio.ssid, bssid="02:00:5E:00:FC:01", frequency_mhz=radio.frequency_mhz)
     yield InterfaceSpec(
@@ -185,7 +191,7 @@ Act = Callable[[Do], Callable[[], object]]
 """Done to a twin when all stands; what it returns takes it back."""
 
 
-def refitted(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
+def change_modem(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> Act:
     """Change card or network of a 4G unit; `before` is what it has when all is well."""
 
     def act(do: Do) -> Callable[[], object]:
@@ -195,7 +201,7 @@ def refitted(twin: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> 
     return act
 
 
-def hushed(twin: str, addresses: list[str]) -> Act:
+def silence_addresses(twin: str, addresses: list[str]) -> Act:
     """Let these addresses answer nothing that the router asks."""
 
     def act(do: Do) -> Callable[[], object]:
@@ -205,17 +211,17 @@ def hushed(twin: str, addresses: list[str]) -> Act:
     return act
 
 
-def added(twin: str, menu: str, **row: str) -> Act:
+def add_row(twin: str, menu: str, **row: str) -> Act:
     """Add a row, as somebody does who means well."""
 
     def act(do: Do) -> Callable[[], object]:
-        number = _returned(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
+        number = _get_return_value(do(twin, "console", words=[f"{menu}/add", *_words(row)]))
         return lambda: do(twin, "console", words=[f"{menu}/remove", f"=numbers={number}"])
 
     return act
 
 
-def changed(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
+def change_rows(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Act:
     """Set values of the rows that have these values now."""
 
     def act(do: Do) -> Callable[[], object]:
@@ -224,7 +230,7 @@ def changed(twin: str, menu: str, where: Mapping[str, str], **values: str) -> Ac
             raise LookupError(f"{twin} has no row of {menu} with {dict(where)}")
         numbers = ",".join(row[".id"] for row in rows)
         before = {name: rows[0].get(name, "") for name in values}
-        _refused(do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
+        _raise_on_trap(do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(values)]))
         return lambda: do(twin, "console", words=[f"{menu}/set", f"=numbers={numbers}", *_words(before)])
 
     return act
@@ -235,7 +241,7 @@ def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float])
 
     def put(do: Do, air: Mapping[str, float]) -> None:
         do(near, "air", **air)
-        _registered(do, near)
+        _wait_for_registration(do, near)
 
     def act(do: Do) -> Callable[[], object]:
         put(do, after)
@@ -244,7 +250,7 @@ def apart(near: str, *, before: Mapping[str, float], after: Mapping[str, float])
     return act
 
 
-def _registered(do: Do, near: str) -> None:
+def _wait_for_registration(do: Do, near: str) -> None:
     """Wait until an end of a bridge has registered the other. Raises LookupError if it does not in half a minute."""
     until = time.monotonic() + 30
     while not _rows(do(near, "console", words=["/interface/wireless/registration-table/print"])):
@@ -257,7 +263,7 @@ def set_clock(twin: str, moment: datetime) -> Act:
     """Set a router's clock, by its own time zone; it is set right when a world is made around it."""
 
     def act(do: Do) -> Callable[[], object]:
-        _refused(do(twin, "console", words=clock_words(moment)))
+        _raise_on_trap(do(twin, "console", words=clock_words(moment)))
         return lambda: None
 
     return act
@@ -276,7 +282,7 @@ def _rows(answers: list[list[str]]) -> list[dict[str, str]]:
     return [dict(word[1:].split("=", 1) for word in words) for kind, *words in answers if kind == "!re"]
 
 
-def _refused(answers: list[list[str]]) -> list[list[str]]:
+def _raise_on_trap(answers: list[list[str]]) -> list[list[str]]:
     """Raise LookupError for what the twin did not take: a fault that breaks nothing would be no fault."""
     for kind, *words in answers:
         if kind == "!trap":
@@ -284,9 +290,9 @@ def _refused(answers: list[list[str]]) -> list[list[str]]:
     return answers
 
 
-def _returned(answers: list[list[str]]) -> str:
-    done = next(words for kind, *words in _refused(answers) if kind == "!done")
-    return next(word.removeprefix("=ret=") for word in done if word.startswith("=ret="))
+def _get_return_value(answers: list[list[str]]) -> str:
+    reply = next(words for kind, *words in _raise_on_trap(answers) if kind == "!done")
+    return next(word.removeprefix("=ret=") for word in reply if word.startswith("=ret="))
 
 
 def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
@@ -433,7 +439,7 @@ def _receiver(cell: Cell) -> Iterator[tuple[str, SimulatedReceiver]]:
     gps = cell.endpoints.gps
     if gps is None or gps.driver is GpsDriver.ROUTEROS:
         return
-    fence = cell.declared.checklist.geofence
+    fence = cell.site_config.checklist.geofence
     spec = GnssSpec() if fence is None else GnssSpec(latitude=fence.latitude, longitude=fence.longitude)
     gpsd = gps.driver is GpsDriver.GPSD
     port = gps.port or (GPSD_PORT if gpsd else NMEA_PORT)
@@ -464,8 +470,8 @@ def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
     if driver is AcousticDriver.EVOLOGICS:
         reaches = (acoustic.partner,) if acoustic is not None and acoustic.partner is not None else ()
         return EvologicsSpec(local_address=local or 1, hears=hears or (2,), reaches=reaches, in_water=True)
-    pinged = (usbl.ping,) if usbl is not None and usbl.ping is not None else ()
-    return SeatracSpec(beacon=local or 1, hears=hears or (2,), reaches=pinged, in_water=True)
+    ping_targets = (usbl.ping,) if usbl is not None and usbl.ping is not None else ()
+    return SeatracSpec(beacon=local or 1, hears=hears or (2,), reaches=ping_targets, in_water=True)
 
 
 def _autopilot(cell: Cell) -> Iterator[tuple[str, Autopilot]]:

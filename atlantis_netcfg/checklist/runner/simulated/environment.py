@@ -28,7 +28,7 @@ from atlantis_netcfg.checklist.probes import (
     Listen,
     Place,
     Question,
-    Reflected,
+    ReflectReply,
     ReflectRequest,
     ReflectResult,
     RobotsHeardRequest,
@@ -41,7 +41,7 @@ from atlantis_netcfg.checklist.probes import (
 )
 from atlantis_netcfg.checklist.probes.step import DhcpOffer, RouterAdvertisement
 from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, unanswered
+from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, trouble_answer
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
 from atlantis_netcfg.checklist.runner.simulated._world import (
     Autopilot,
@@ -88,7 +88,7 @@ class RehearsedEars:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         if place is Place.ROUTER:
             return await self.routers.ask(place, host, questions, result)
-        streams = [(key, found) for key, request in questions if (found := self._moved(request)) is not None]
+        streams = [(key, stream) for key, request in questions if (stream := self._relocate(request)) is not None]
         answers: dict[str, Answer] = {}
         names = {key for key, _ in streams}
         for key, question in questions:
@@ -99,20 +99,20 @@ class RehearsedEars:
             by_key = dict(questions)
 
             def progress(key: str, answer: Answer) -> None:
-                result(key, self._sent(by_key[key], answer))
+                result(key, self._with_sender(by_key[key], answer))
 
-            ended = await ask_here(streams, progress)
-            answers.update({key: self._sent(by_key[key], answer) for key, answer in ended.items()})
+            results = await ask_here(streams, progress)
+            answers.update({key: self._with_sender(by_key[key], answer) for key, answer in results.items()})
         return answers
 
-    def _sent(self, question: Question, answer: Answer) -> Answer:
+    def _with_sender(self, question: Question, answer: Answer) -> Answer:
         """A datagram comes from where the thing would be that its twin stands for."""
         if not isinstance(answer, Transcript) or not isinstance(question, Listen) or not answer.senders:
             return answer
         stand = next(item for item in self.stands if item.means(question))
         return replace(answer, senders=(stand.address,) * len(answer.senders))
 
-    def _moved(self, question: Question) -> Listen | None:
+    def _relocate(self, question: Question) -> Listen | None:
         """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
         if not isinstance(question, Listen):
             return None
@@ -122,51 +122,51 @@ class RehearsedEars:
     def _answer(self, question: Question) -> Answer:
         if isinstance(question, RobotsHeardRequest | VpnMembersRequest):
             return self.robots.answer(question)
-        return self._measured(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
+        return self._link_record(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
 
     def _of_computer(self, question: Question) -> Answer:
         if self.computer is None or isinstance(question, Listen):
-            return unanswered(question, _NOBODY)
+            return trouble_answer(question, _NOBODY)
         if isinstance(question, RunProgram):
             return self._ran(question, self.computer)
         if isinstance(question, DhcpDiscoverRequest | RouterSolicitRequest):
             return self._of_segment(question, self.computer)
         if isinstance(question, DdsDiscoverRequest):
-            return self._discovered(question, self.computer)
+            return self._discover(question, self.computer)
         if isinstance(question, ReflectRequest):
-            return self._reflected(question, self.computer)
-        return unanswered(question, _NOBODY)
+            return self._reflect(question, self.computer)
+        return trouble_answer(question, _NOBODY)
 
-    def _measured(self, question: LinkRecordRequest) -> LinkRecordResult:
+    def _link_record(self, question: LinkRecordRequest) -> LinkRecordResult:
         """Made up, and the record says that its link is emulated."""
         now, link = datetime.now(UTC), self.links.get(question.bearer)
-        return LinkRecordResult(None, "", None if link is None else link.record(self.site, now), now, rehearsed=True)
+        return LinkRecordResult(None, "", None if link is None else link.record(self.site, now), now, is_rehearsal=True)
 
     @staticmethod
     def _ran(question: RunProgram, computer: Computer) -> CommandResult:
-        requested = time.time()
+        request_time = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
         if rc == NOT_FOUND:
             trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
-        return CommandResult(trouble, words, rc, out, err, computer.now, requested, time.time())
+        return CommandResult(trouble, words, rc, out, err, computer.now, request_time, time.time())
 
     @staticmethod
-    def _discovered(question: DdsDiscoverRequest, computer: Computer) -> DdsDiscoverResult:
+    def _discover(question: DdsDiscoverRequest, computer: Computer) -> DdsDiscoverResult:
         prefix = os.urandom(12)
-        found = computer.participants(question.domain, question.address, prefix)
-        if found is None:
+        datagrams = computer.participants(question.domain, question.address, prefix)
+        if datagrams is None:
             return DdsDiscoverResult(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
-        return DdsDiscoverResult(None, "", prefix, found)
+        return DdsDiscoverResult(None, "", prefix, datagrams)
 
     @staticmethod
-    def _reflected(question: ReflectRequest, computer: Computer) -> ReflectResult:
+    def _reflect(question: ReflectRequest, computer: Computer) -> ReflectResult:
         """Emulated, and each answer says so."""
         tokens = tuple(os.urandom(16).hex() for _ in range(question.count))
-        found = computer.reflected(question.source, question.address, tokens)
-        if found is None:
+        replies = computer.reflect(question.source, question.address, tokens)
+        if replies is None:
             return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
-        return ReflectResult(None, "", tokens, tuple(Reflected(*row) for row in found))
+        return ReflectResult(None, "", tokens, tuple(ReflectReply(*row) for row in replies))
 
     @staticmethod
     def _of_segment(question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
@@ -178,10 +178,10 @@ class RehearsedEars:
                 return RouterAdvertisements(Trouble.MISSING, absent)
             advertisements = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in routers)
             return RouterAdvertisements(None, "", tuple(advertisements))
-        found = computer.offers(question.interface, question.cards)
-        if found is None:
+        dhcp_offers = computer.offers(question.interface, question.cards)
+        if dhcp_offers is None:
             return DhcpOffers(Trouble.MISSING, absent)
-        offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in found)
+        offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in dhcp_offers)
         return DhcpOffers(None, "", tuple(offers))
 
 
@@ -266,8 +266,8 @@ def rehearsed_ears(
 def _routers(declaration: Declaration, world: World, rehearsal: Rehearsal) -> Iterator[None]:
     """Put the routers into their place, and do to them what faults ask for; taken back at the end."""
     zone = ZoneInfo(declaration.pilot.time_zone)
-    emulated = [name for name in world.routers if name in rehearsal.targets]
-    for name in emulated:
+    emulated_routers = [name for name in world.routers if name in rehearsal.targets]
+    for name in emulated_routers:
         rehearsal.twins.do(name, "around", **world.routers[name])
         rehearsal.twins.do(name, "console", words=clock_words(datetime.now(zone)))
     with ExitStack() as back:

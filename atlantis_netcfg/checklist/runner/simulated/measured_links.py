@@ -16,11 +16,11 @@ from atlantis_netcfg.links.qualify.judgement import profile
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import (
-    MessageEnded,
+    CounterSample,
+    MessageResult,
     PacketSent,
-    ReflectorCounted,
-    ReplyReceived,
-    StreamEnded,
+    ReplySample,
+    StreamEnd,
     TrainBegan,
 )
 
@@ -55,9 +55,9 @@ class MeasuredLink:
         """Give its measurement as it would be at this time."""
         name = _THRESHOLDS[self.kind]
         limits = profile(name)
-        begun = now - self.age
+        start = now - self.age
         run = MeasuredRun(
-            id=f"{self.name}-{begun:%Y%m%dT%H%M%SZ}",
+            id=f"{self.name}-{start:%Y%m%dT%H%M%SZ}",
             tool=__version__,
             site=site,
             link=self.name,
@@ -65,8 +65,8 @@ class MeasuredLink:
             emulated=True,
             selection=Selection.ALL,
             far_end=FarEnd(name="", address="", port=0, over_vpn=False, authenticated=True, source=""),
-            begun=begun,
-            ended=begun + timedelta(minutes=4),
+            begun=start,
+            ended=start + timedelta(minutes=4),
             reason="done",
             clock_synchronised=False,
             budget=BudgetLimits(),
@@ -79,25 +79,25 @@ class MeasuredLink:
 
     def samples(self, now: datetime) -> Iterator[Sample]:
         """Yield a train without load, and a longer round trip in one beside a load that fills the link."""
-        limits, begun = profile(_THRESHOLDS[self.kind]), now - self.age
+        limits, start = profile(_THRESHOLDS[self.kind]), now - self.age
         rtt_s = self.slower * limits.ftd_s
-        yield from _train("idle", limits.min_samples, rtt_s, begun)
-        yield from _train("loaded", limits.min_samples // 10, rtt_s * (1 + limits.buffer_delay / 2), begun)
+        yield from _train("idle", limits.min_samples, rtt_s, start)
+        yield from _train("loaded", limits.min_samples // 10, rtt_s * (1 + limits.buffer_delay / 2), start)
         for number, late in enumerate(range(0, 3 * _SECOND, _SECOND)):
             begin, end = number * _SECOND + late // 4, (number + 1) * _SECOND + late // 2
-            yield MessageEnded(
+            yield MessageResult(
                 "load up", number, 9000, 9, 9, number * _SECOND, end, 9000, begin, end, in_flight=False, due_ns=_SECOND
             )
 
 
-def _train(stream: str, packets: int, rtt_s: float, begun: datetime) -> Iterator[Sample]:
+def _train(stream: str, packets: int, rtt_s: float, start: datetime) -> Iterator[Sample]:
     """Yield a train of which every packet is answered after the same time, half of it each way."""
-    since, step, half = round(begun.timestamp()) * _SECOND, round(_INTERVAL_S * _SECOND), round(rtt_s / 2 * _SECOND)
+    since, step, half = round(start.timestamp()) * _SECOND, round(_INTERVAL_S * _SECOND), round(rtt_s / 2 * _SECOND)
     yield TrainBegan(stream, 0, since, _SIZE, _INTERVAL_S, packets * _INTERVAL_S, 90.0, 28, True, False)
     for number in range(packets):
-        sent = number * step
-        there = since + sent + half
-        yield PacketSent(stream, number, sent)
-        yield ReplyReceived(stream, number, sent + 2 * half, number, there, there, _SIZE, 64, 0)
-    yield ReflectorCounted(stream, packets, 0, 0, packets)
-    yield StreamEnded(stream, packets * step + round(90.0 * _SECOND), "done")
+        sent_ns = number * step
+        there = since + sent_ns + half
+        yield PacketSent(stream, number, sent_ns)
+        yield ReplySample(stream, number, sent_ns + 2 * half, number, there, there, _SIZE, 64, 0)
+    yield CounterSample(stream, packets, 0, 0, packets)
+    yield StreamEnd(stream, packets * step + round(90.0 * _SECOND), "done")

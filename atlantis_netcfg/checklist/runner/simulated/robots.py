@@ -17,14 +17,14 @@ from atlantis_netcfg.checklist.probes import (
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE
 from atlantis_netcfg.robots.mock import RATES_HZ
-from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, Observation
+from atlantis_netcfg.robots.observation import HeardConfiguration, HeardWriter, RobotObservation
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.inventory import Declaration
 
-    Change = Callable[[Observation, str], None]
+    Change = Callable[[RobotObservation, str], None]
 
 NOT_REHEARSED: Final = (
     "robots: no packet of DDS is carried; what is heard follows from their files, and so does who is in the VPN",
@@ -37,8 +37,8 @@ _BYTES: Final = 100
 class SimulatedRobots:
     """What is heard at each place, and who is in the VPN; robots by their vehicles."""
 
-    here: Observation = field(default_factory=lambda: Observation(_SECONDS))
-    centre: Observation = field(default_factory=lambda: Observation(_SECONDS))
+    here: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
+    centre: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
     members: dict[str, VpnMember] = field(default_factory=dict)
 
     @classmethod
@@ -49,7 +49,7 @@ class SimulatedRobots:
             return cls()
         here = honest_observation(files)
         members = {
-            key: VpnMember(f"EXAMPLE-{key}", key, admitted=True, session=f"192.0.2.{number}:1194")
+            key: VpnMember(f"EXAMPLE-{key}", key, has_certificate=True, session=f"192.0.2.{number}:1194")
             for number, key in enumerate(files.sources, start=1)
         }
         return cls(here, deepcopy(here), members)
@@ -68,10 +68,10 @@ class SimulatedRobots:
             change(observation, vehicle)
 
 
-def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> Observation:
+def honest_observation(files: RobotFiles, seconds: float = _SECONDS) -> RobotObservation:
     """What is heard of robots that do as their files say; a participant is called as its vehicle."""
-    observation = Observation(seconds)
-    for key in files.tested:
+    observation = RobotObservation(seconds)
+    for key in files.tested_vehicles:
         if key not in files.sources:
             continue
         observation.participants[key] = f"the emulated {key}"
@@ -92,7 +92,7 @@ def _writer(key: str, topic: str, kind: str, rate_hz: float, seconds: float) -> 
     )
 
 
-def away(observation: Observation, vehicle: str) -> None:
+def away(observation: RobotObservation, vehicle: str) -> None:
     """Nothing of it is heard."""
     observation.participants.pop(vehicle, None)
     observation.writers = [row for row in observation.writers if row.participant != vehicle]
@@ -102,7 +102,7 @@ def away(observation: Observation, vehicle: str) -> None:
 def without(ending: str) -> Change:
     """Let a robot not publish the topic that ends so."""
 
-    def change(observation: Observation, vehicle: str) -> None:
+    def change(observation: RobotObservation, vehicle: str) -> None:
         rows = observation.writers
         observation.writers = [row for row in rows if row.participant != vehicle or not row.topic.endswith(ending)]
 
@@ -112,7 +112,7 @@ def without(ending: str) -> Change:
 def topic(ending: str, change: Callable[[HeardWriter], None]) -> Change:
     """Change the topic of a robot that ends so."""
 
-    def change_all(observation: Observation, vehicle: str) -> None:
+    def change_all(observation: RobotObservation, vehicle: str) -> None:
         for row in observation.writers:
             if row.participant == vehicle and row.topic.endswith(ending):
                 change(row)
@@ -123,7 +123,7 @@ def topic(ending: str, change: Callable[[HeardWriter], None]) -> Change:
 def says(old: str, new: str) -> Change:
     """Let a robot publish another configuration than that of its file."""
 
-    def change(observation: Observation, vehicle: str) -> None:
+    def change(observation: RobotObservation, vehicle: str) -> None:
         for row in observation.configurations:
             if row.writer.participant == vehicle:
                 row.text = row.text.replace(old.encode(), new.encode())
@@ -134,7 +134,7 @@ def says(old: str, new: str) -> Change:
 def another(namespace: str = "") -> Change:
     """Let another participant introduce itself by the same file; `namespace`: before its name."""
 
-    def change(observation: Observation, vehicle: str) -> None:
+    def change(observation: RobotObservation, vehicle: str) -> None:
         row = next(each for each in observation.configurations if each.writer.participant == vehicle)
         text = row.text.replace(b"namespace: ", f"namespace: {namespace}".encode())
         observation.participants["another"] = "another emulated robot"

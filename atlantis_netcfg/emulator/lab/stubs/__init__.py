@@ -2,8 +2,8 @@
 
 from atlantis_netcfg.emulator.lab.stubs.archive import (
     NOT_REHEARSED,
-    StandInFailed,
     StubArchive,
+    StubError,
     StubPackage,
     publish,
     ros_packages,
@@ -15,8 +15,8 @@ from atlantis_netcfg.emulator.lab.stubs.image import PODMAN_IN_A_MACHINE, servic
 __all__ = [
     "NOT_REHEARSED",
     "PODMAN_IN_A_MACHINE",
-    "StandInFailed",
     "StubArchive",
+    "StubError",
     "StubPackage",
     "publish",
     "ros_packages",

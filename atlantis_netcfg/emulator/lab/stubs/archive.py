@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.emulator.lab.hosts import MachineFailed
+from atlantis_netcfg.emulator.lab.hosts import MachineError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "NOT_REHEARSED",
-    "StandInFailed",
     "StubArchive",
+    "StubError",
     "publish",
     "ros_packages",
     "service_program",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 
-class StandInFailed(MachineFailed):
+class StubError(MachineError):
     """Something that should stand in for the real thing could not be made."""
 
 
@@ -90,9 +90,9 @@ def build(package: StubPackage, folder: Path) -> Path:
             script.write_text(f"#!/bin/sh\nset -e\n{package.postinst}\n", encoding="utf-8")
             script.chmod(0o755)
         words = ["dpkg-deb", "--root-owner-group", "-Zgzip", "--build", str(root), str(result)]
-        done = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603 - of the system
-    if done.returncode:
-        raise StandInFailed(f"the stand-in package {package.name} could not be made: {done.stderr.strip()}")
+        process = subprocess.run(words, capture_output=True, text=True, check=False)  # noqa: S603 - of the system
+    if process.returncode:
+        raise StubError(f"the stand-in package {package.name} could not be made: {process.stderr.strip()}")
     return result
 
 
@@ -137,17 +137,17 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
     *,
     codename: str,
     architectures: Sequence[str] = ("amd64", "arm64"),
-    signed: datetime | None = None,
+    signed_at: datetime | None = None,
     expires: datetime | None = None,
-    dated: datetime | None = None,
+    release_date: datetime | None = None,
 ) -> StubArchive:
     """Build the packages and sign the archive, all below `folder`. Raises StandInFailed.
 
-    `signed`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
-    later if left out; `dated`: what the archive says of its own age.
+    `signed_at`: when the archive was signed, now if left out; the key is an hour older. `expires`: of the key, a year
+    later if left out; `release_date`: what the archive says of its own age.
     """
     if why := why_no_archive():
-        raise StandInFailed(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
+        raise StubError(f"no archive of stand-ins can be made: {why}", hint="sudo apt-get install dpkg gnupg")
     pool = folder / "pool" / "main"
     pool.mkdir(parents=True)
     entries = [(package, _entry(build(package, pool), package)) for package in packages]
@@ -160,27 +160,27 @@ def publish(  # noqa: PLR0913 - what can be wrong with an archive, each in a tes
             (dist / path).parent.mkdir(parents=True, exist_ok=True)
             (dist / path).write_bytes(content)
             sums.append(f" {hashlib.sha256(content).hexdigest()} {len(content)} {path}")
-    made = signed or datetime.now(UTC)
+    sign_time = signed_at or datetime.now(UTC)
     release = (
         f"Origin: ATLANTIS stand-ins\nLabel: ATLANTIS stand-ins, not ROS\nSuite: {codename}\nCodename: {codename}\n"
-        f"Date: {format_datetime(dated or made, usegmt=True)}\nArchitectures: {' '.join(architectures)}\n"
+        f"Date: {format_datetime(release_date or sign_time, usegmt=True)}\nArchitectures: {' '.join(architectures)}\n"
         "Components: main\nDescription: stand-ins for rehearsals and tests\nSHA256:\n" + "\n".join(sums) + "\n"
     )
     (dist / "Release").write_text(release, encoding="utf-8")
-    key, fingerprint = _sign(dist, made, expires or made + _YEAR)
+    key, fingerprint = _sign(dist, sign_time, expires or sign_time + _YEAR)
     return StubArchive(folder, codename, key, fingerprint)
 
 
-def _entry(made: Path, package: StubPackage) -> str:
+def _entry(deb: Path, package: StubPackage) -> str:
     """Its stanza of `Packages`."""
-    content = made.read_bytes()
+    content = deb.read_bytes()
     head = package.control.rstrip("\n")
     digest = hashlib.sha256(content).hexdigest()
-    return f"{head}\nFilename: pool/main/{made.name}\nSize: {len(content)}\nSHA256: {digest}\n"
+    return f"{head}\nFilename: pool/main/{deb.name}\nSize: {len(content)}\nSHA256: {digest}\n"
 
 
-def _sign(dist: Path, signed: datetime, expires: datetime) -> tuple[bytes, str]:
-    """Make a key that ends at `expires`, sign with it as if it were `signed`; give it and its fingerprint.
+def _sign(dist: Path, signed_at: datetime, expires: datetime) -> tuple[bytes, str]:
+    """Make a key that ends at `expires`, sign with it as if it were `signed_at`; give it and its fingerprint.
 
     gpg's frozen clock (`!`) runs after all where it is set to the very second in which gpg starts: a key made at such a
     time may be a second or more younger than declared. So the key is made as if it were an hour before.
@@ -189,15 +189,15 @@ def _sign(dist: Path, signed: datetime, expires: datetime) -> tuple[bytes, str]:
     with temporary.folder("gpg", Path("/tmp")) as home:  # noqa: S108 - it is private
         gpg = ["gpg", "--homedir", str(home), "--batch", "--quiet", "--passphrase", "", "--pinentry-mode", "loopback"]
         try:
-            made = _at(signed - _KEY_IS_OLDER)
-            _run(*gpg, made, "--quick-generate-key", _OWNER, "ed25519", "sign", expires.strftime(_TIME))
+            key_time = _at(signed_at - _KEY_IS_OLDER)
+            _run(*gpg, key_time, "--quick-generate-key", _OWNER, "ed25519", "sign", expires.strftime(_TIME))
             inrelease = str(dist / "InRelease")
-            _run(*gpg, _at(signed), "--clearsign", "--output", inrelease, str(dist / "Release"))
-            key = _run(*gpg, _at(signed), "--export")
-            listed = _run(*gpg, _at(signed), "--list-keys", "--with-colons").decode()
+            _run(*gpg, _at(signed_at), "--clearsign", "--output", inrelease, str(dist / "Release"))
+            key = _run(*gpg, _at(signed_at), "--export")
+            listing = _run(*gpg, _at(signed_at), "--list-keys", "--with-colons").decode()
         finally:
             _run("gpgconf", "--homedir", str(home), "--kill", "all")
-    return key, next(line.split(":")[9] for line in listed.splitlines() if line.startswith("fpr:"))
+    return key, next(line.split(":")[9] for line in listing.splitlines() if line.startswith("fpr:"))
 
 
 def _at(moment: datetime) -> str:
@@ -206,10 +206,10 @@ def _at(moment: datetime) -> str:
 
 
 def _run(*words: str) -> bytes:
-    done = subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - of the system, with words of ours
-    if done.returncode:
-        raise StandInFailed(f"{words[0]} could not sign the stand-ins: {done.stderr.decode(errors='replace').strip()}")
-    return done.stdout
+    result = subprocess.run(words, capture_output=True, check=False)  # noqa: S603 - of the system, with words of ours
+    if result.returncode:
+        raise StubError(f"{words[0]} could not sign the stand-ins: {result.stderr.decode(errors='replace').strip()}")
+    return result.stdout
 
 
 NOT_REHEARSED = (
@@ -248,7 +248,7 @@ def ros_packages(
         return _source(name).replace("@HOME@", home)
 
     ros = f"ros-{distribution}"
-    known = (
+    packages = (
         StubPackage(f"{ros}-ros-core", version, ("python3",), {f"{home}/bin/ros2": program("ros2")}),
         StubPackage(
             f"{ros}-ros-base",
@@ -271,6 +271,6 @@ def ros_packages(
         StubPackage("python3-colcon-common-extensions", version, ("colcon",)),
         StubPackage("ros-noetic-ros-comm", version, (), {"/opt/ros/noetic/setup.sh": "# stand-in, not ROS\n"}),
     )
-    names = {package.name for package in known}
+    names = {package.name for package in packages}
     others = dict.fromkeys((f"{ros}-rmw-cyclonedds-cpp", *more))
-    return (*known, *(StubPackage(name, version) for name in others if name not in names))
+    return (*packages, *(StubPackage(name, version) for name in others if name not in names))

@@ -12,7 +12,7 @@ import platform
 import tarfile
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.lab.stubs.archive import StandInFailed, service_program
+from atlantis_netcfg.emulator.lab.stubs.archive import StubError, service_program
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -39,7 +39,7 @@ def service_image(root: Path, kind: str, port: int) -> bytes:
     """An archive as `docker save` writes it; of the same Debian below `root` always the same. Raises StandInFailed."""
     python = next((path for path in sorted(root.glob("usr/bin/python3.*")) if path.name[8:].isdigit()), None)
     if python is None:
-        raise StandInFailed(f"{root} has no Python for the stand-in of an image")
+        raise StubError(f"{root} has no Python for the stand-in of an image")
     files = {path: (root / path).read_bytes() for path in _of_python(root, python)}
     files["stand-in.py"] = (_END + service_program(kind, port)).encode()
     layer = _tar(files)
@@ -60,21 +60,21 @@ def service_image(root: Path, kind: str, port: int) -> bytes:
 
 def _of_python(root: Path, python: Path) -> Iterator[str]:
     """Paths below the root of what it needs to open a socket."""
-    found = {python}
+    files = {python}
     home = root / "usr/lib" / python.name
-    found |= set(home.glob("*.py"))
+    files |= set(home.glob("*.py"))
     for folder in _STANDARD_LIBRARY:
-        found |= {path for path in (home / folder).rglob("*") if path.suffix in {".py", ".so"}}
+        files |= {path for path in (home / folder).rglob("*") if path.suffix in {".py", ".so"}}
     for place in (*root.glob("usr/lib/*-linux-gnu*"), root / "usr/lib64", root / "usr/lib"):
-        found |= {path for name in _LIBRARIES for path in place.glob(f"{name}.so.*")}
-        found |= set(place.glob("ld-linux*.so.*"))
-    yield from sorted(path.relative_to(root).as_posix() for path in found if path.is_file())
+        files |= {path for name in _LIBRARIES for path in place.glob(f"{name}.so.*")}
+        files |= set(place.glob("ld-linux*.so.*"))
+    yield from sorted(path.relative_to(root).as_posix() for path in files if path.is_file())
 
 
 def _tar(files: Mapping[str, bytes]) -> bytes:
     """Without times and owners: the same files are the same archive. `/lib` leads to `/usr/lib`, as in Debian."""
-    made = io.BytesIO()
-    with tarfile.open(fileobj=made, mode="w", format=tarfile.USTAR_FORMAT) as archive:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.USTAR_FORMAT) as archive:
         if "stand-in.py" in files:
             for name in ("lib", "lib64", "bin"):
                 link = tarfile.TarInfo(name)
@@ -84,4 +84,4 @@ def _tar(files: Mapping[str, bytes]) -> bytes:
             member = tarfile.TarInfo(name)
             member.size, member.mode = len(data), 0o755
             archive.addfile(member, io.BytesIO(data))
-    return made.getvalue()
+    return buffer.getvalue()

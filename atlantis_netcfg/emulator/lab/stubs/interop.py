@@ -209,7 +209,7 @@ class GitServer:
     url: str = ""
     requests: list[str] = field(default_factory=list)
     """Method and path of every request, with the name that was told in front where there was one."""
-    sent: int = 0
+    sent_bytes: int = 0
     """Bytes of answers, without their headers."""
 
     def admits(self, authorization: str) -> bool:
@@ -225,10 +225,10 @@ def serve_git(
     folder: Path, listener: socket.socket, token: str | None = None, tls: ssl.SSLContext | None = None
 ) -> Iterator[GitServer]:
     """Serve the bare repositories below `folder` on a listening socket, by HTTPS with `tls`, until the block ends."""
-    made = GitServer(folder, token)
+    git_server = GitServer(folder, token)
     host, port = listener.getsockname()[:2]
-    made.url = f"{'http' if tls is None else 'https'}://{host}:{port}"
-    handler = type("_Handler", (_GitHandler,), {"git": made})
+    git_server.url = f"{'http' if tls is None else 'https'}://{host}:{port}"
+    handler = type("_Handler", (_GitHandler,), {"git": git_server})
     server = ThreadingHTTPServer((host, port), handler, bind_and_activate=False)
     server.socket.close()
     # Handshakes are made where a request is read, so that a client which trusts nobody stops no other.
@@ -238,7 +238,7 @@ def serve_git(
     thread = threading.Thread(target=server.serve_forever, name="git-server", daemon=True)
     thread.start()
     try:
-        yield made
+        yield git_server
     finally:
         server.shutdown()
         thread.join()
@@ -306,7 +306,7 @@ class _GitHandler(BaseHTTPRequestHandler):
         }
 
     def _send(self, status: HTTPStatus, headers: tuple[tuple[str, str], ...], body: bytes) -> None:
-        self.git.sent += len(body)
+        self.git.sent_bytes += len(body)
         self.send_response(status)
         for name, value in headers:
             self.send_header(name, value)

@@ -12,11 +12,11 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import FLAGGED, NOT_ALLOWED, SUSPICIOUS, allowed, public_key
+from atlantis_netcfg.emulator.routeros.access import FLAGGED_MESSAGE, NOT_ALLOWED, SUSPICIOUS, is_allowed, public_key
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import NOT_OFFERED, id_text, spell
-from atlantis_netcfg.emulator.routeros.views import HIDDEN
+from atlantis_netcfg.emulator.routeros.views import HIDDEN_TEXT
 from atlantis_netcfg.routeros.rsc import Statement, print_statement
 
 if TYPE_CHECKING:
@@ -74,13 +74,13 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: StoredItem | N
 
 def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: StoredItem | None) -> None:
     first, key = unique.arguments[0], _key(table, unique, values)
-    if key[0] is None or (unique.enabled and values.get("disabled") == "yes"):
+    if key[0] is None or (unique.enabled_only and values.get("disabled") == "yes"):
         return
     tables = list(core.store.space_tables("interface")) if table.menu.space == "interface" else [table]
     for other_table in tables:
         # Among very many rows the first argument tells nearly all of them apart.
         for other in other_table.alike(first, key[0]):
-            counts = not unique.enabled or other.values.get("disabled") != "yes"
+            counts = not unique.enabled_only or other.values.get("disabled") != "yes"
             if other is not item and counts and _key(table, unique, other.values) == key:
                 raise Trap(unique.words)
 
@@ -92,22 +92,24 @@ def _key(table: Table, unique: Unique, values: Mapping[str, str]) -> list[str | 
 def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
     """Refuse a word that this version does not have any more, or not yet."""
     for name, words in OLD_WORDS.get(menu, {}).items():
-        given = set(values.get(name, "").split(",")) - {""}
-        renamed = core.schema.at_least(words.until)
-        if (renamed and given & set(words.old)) or (words.known and not renamed and not given <= set(words.old)):
+        given_words = set(values.get(name, "").split(",")) - {""}
+        is_renamed = core.schema.at_least(words.until)
+        if (is_renamed and given_words & set(words.old)) or (
+            words.is_complete and not is_renamed and not given_words <= set(words.old)
+        ):
             raise Trap(NOT_OFFERED.format(name), Category.ARGUMENT)
 
 
 def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: StoredItem | None) -> None:
     feature = table.menu.feature
     if feature and _switches_on(table, values, item):
-        if not allowed(core.spec, feature):
+        if not is_allowed(core.spec, feature):
             raise Trap(NOT_ALLOWED)
-        if core.spec.device_mode.flagged and feature in SUSPICIOUS:
-            raise Trap(FLAGGED)
-    flagged = core.spec.device_mode.flagged and values.get("disabled") != "yes"
-    if table.menu.path == "/system/scheduler" and flagged:
-        raise Trap(FLAGGED)
+        if core.spec.device_mode.is_flagged and feature in SUSPICIOUS:
+            raise Trap(FLAGGED_MESSAGE)
+    is_flagged = core.spec.device_mode.is_flagged and values.get("disabled") != "yes"
+    if table.menu.path == "/system/scheduler" and is_flagged:
+        raise Trap(FLAGGED_MESSAGE)
 
 
 def _switches_on(table: Table, values: Mapping[str, str], item: StoredItem | None) -> bool:
@@ -148,9 +150,9 @@ def _rule(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> No
         raise Trap("failure: incoming interface matching not possible in output and postrouting chains")
     if "tcp-flags" in values and values.get("protocol") not in ("tcp", "6"):
         raise Trap("failure: tcp-flags can be specified only if proto is tcp")
-    for needed in _NEEDS.get(action, ()):
-        if not set(needed.split("|")) & values.keys():
-            raise MissingArgument(needed.partition("|")[0])
+    for requirement in _NEEDS.get(action, ()):
+        if not set(requirement.split("|")) & values.keys():
+            raise MissingArgument(requirement.partition("|")[0])
 
 
 _NEEDS = {
@@ -177,9 +179,9 @@ def _nat(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None
 def _static_dns(_core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     if "name" not in values and "regexp" not in values:
         raise MissingArgument("name")
-    needed = _RECORD_NEEDS.get(values.get("type", "A"))
-    if needed is not None and not set(needed.split("|")) & values.keys():
-        raise MissingArgument(needed.partition("|")[0])
+    requirement = _RECORD_NEEDS.get(values.get("type", "A"))
+    if requirement is not None and not set(requirement.split("|")) & values.keys():
+        raise MissingArgument(requirement.partition("|")[0])
 
 
 _RECORD_NEEDS = {
@@ -195,16 +197,16 @@ _RECORD_NEEDS = {
 
 
 def _ethernet(core: Core, values: Mapping[str, str], item: StoredItem | None) -> None:
-    given = [name for name in values if name.startswith(("poe-", "power-cycle"))]
-    if given and item is not None and (item.factory or {})["name"] not in core.spec.poe_ports:
-        raise Trap(f"unknown parameter {given[0]}")
+    poe_names = [name for name in values if name.startswith(("poe-", "power-cycle"))]
+    if poe_names and item is not None and (item.factory or {})["name"] not in core.spec.poe_ports:
+        raise Trap(f"unknown parameter {poe_names[0]}")
 
 
 def _modem(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
     """A modem is not held to bands that it does not have. Assumption: lte-pin-once."""
     modem = core.spec.modem
-    given = [int(word) for word in values.get("band", "").split(",") if word]
-    if modem is not None and not set(given) <= set(modem.bands):
+    bands = [int(word) for word in values.get("band", "").split(",") if word]
+    if modem is not None and not set(bands) <= set(modem.bands):
         raise Trap("invalid value for argument band", Category.ARGUMENT)
 
 
@@ -244,10 +246,10 @@ def _action(_core: Core, values: Mapping[str, str], _item: StoredItem | None) ->
         raise Trap("action name can contain only letters and numbers")
 
 
-def _someone_left(core: Core, changed: StoredItem, values: Mapping[str, str] | None) -> bool:
+def _someone_left(core: Core, changed_item: StoredItem, values: Mapping[str, str] | None) -> bool:
     table = core.store.table("/user")
     for other in table.items:
-        now = values if other is changed else other.values
+        now = values if other is changed_item else other.values
         if now is not None and now.get("disabled") != "yes" and spell(now.get("group", ""), core.store) == "full":
             return True
     return False
@@ -282,12 +284,12 @@ def check_removal(core: Core, menu: str, item: StoredItem) -> None:
 Values = tuple[tuple[str, str | None], ...]
 
 
-def added(core: Core, call: Call, item: StoredItem) -> None:
+def record_addition(core: Core, call: Call, item: StoredItem) -> None:
     """Record that a row was added."""
     _record(core, call, "added", Statement(call.menu, "remove", target=id_text(item.id)), _add(core, call, item))
 
 
-def changed(core: Core, call: Call, item: StoredItem, before: Mapping[str, str]) -> None:
+def record_change(core: Core, call: Call, item: StoredItem, before: Mapping[str, str]) -> None:
     """Record that a row was set."""
     table = core.store.table(call.menu)
     names = sorted(name for name in {*before, *item.values} if before.get(name) != item.values.get(name))
@@ -299,14 +301,14 @@ def changed(core: Core, call: Call, item: StoredItem, before: Mapping[str, str])
     _record(core, call, "changed", undo, redo)
 
 
-def removed(core: Core, call: Call, item: StoredItem) -> None:
+def remove_row(core: Core, call: Call, item: StoredItem) -> None:
     """Remove a row and record it."""
     undo = _add(core, call, item)
     core.store.remove(call.menu, item)
     _record(core, call, "removed", undo, Statement(call.menu, "remove", target=id_text(item.id)))
 
 
-def moved(core: Core, call: Call, item: StoredItem, index: int) -> None:
+def move_row(core: Core, call: Call, item: StoredItem, index: int) -> None:
     """Move a row and record it."""
     undo = _move(core, call, item)
     core.store.move(call.menu, item, index)
@@ -342,7 +344,7 @@ def _value(core: Core, table: Table, name: str, values: Mapping[str, str]) -> st
     """Spell a value; None is "unset". Secrets do not stand in the history."""
     arg = table.args.get(name)
     value = spell(values[name], core.store) if name in values else arg.default if arg is not None else None
-    return HIDDEN if value and arg is not None and (arg.secret or arg.never) else value
+    return HIDDEN_TEXT if value and arg is not None and (arg.secret or arg.never) else value
 
 
 _NAMES = {
@@ -358,20 +360,22 @@ _NAMES = {
 }
 
 
-def complete(core: Core, menu: str, values: dict[str, str], changed: frozenset[str] | None = None) -> None:
-    """Fill in what was left out; `changed` are the arguments of a set, None means that the row is new."""
-    if changed is None and menu in _NAMES and "name" not in values:
+def complete(core: Core, menu: str, values: dict[str, str], changed_names: frozenset[str] | None = None) -> None:
+    """Fill in what was left out; `record_change` are the arguments of a set, None means that the row is new."""
+    if changed_names is None and menu in _NAMES and "name" not in values:
         values["name"] = _free_name(core, menu)
     extra = _COMPLETE.get(menu)
     if extra is not None:
-        extra(core, values, changed)
+        extra(core, values, changed_names)
 
 
 def _free_name(core: Core, menu: str) -> str:
     stem, space = _NAMES[menu]
     tables = list(core.store.space_tables(space)) if space else [core.store.table(menu)]
-    taken = {core.store.text(table, item, "name") for table in tables for item in table.items}
-    return next(name for name in (f"{stem}{number}" for number in range(1, len(taken) + 2)) if name not in taken)
+    used_names = {core.store.text(table, item, "name") for table in tables for item in table.items}
+    return next(
+        name for name in (f"{stem}{number}" for number in range(1, len(used_names) + 2)) if name not in used_names
+    )
 
 
 def mac_of(name: str, number: int) -> str:
@@ -380,7 +384,7 @@ def mac_of(name: str, number: int) -> str:
     return ":".join(f"{byte:02X}" for byte in (0x48, 0xA9, 0x8A, digest[0], digest[1], number & 0xFF))
 
 
-def _fill_address(_core: Core, values: dict[str, str], changed: frozenset[str] | None) -> None:
+def _fill_address(_core: Core, values: dict[str, str], changed_names: frozenset[str] | None) -> None:
     """The network follows from the address, unless it was given too; `netmask` stands for the prefix length."""
     if mask := values.pop("netmask", None):
         host = values["address"].partition("/")[0]
@@ -389,16 +393,20 @@ def _fill_address(_core: Core, values: dict[str, str], changed: frozenset[str] |
         except ValueError as error:
             raise Trap("invalid value for argument netmask", Category.ARGUMENT) from error
     values.pop("broadcast", None)
-    follows = "network" not in values if changed is None else "address" in changed and "network" not in changed
+    follows = (
+        "network" not in values
+        if changed_names is None
+        else "address" in changed_names and "network" not in changed_names
+    )
     if follows:
         values["network"] = str(IPv4Interface(values["address"]).network.network_address)
 
 
-def _tunnel(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
+def _tunnel(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
     values.setdefault("mac-address", mac_of(core.spec.name + values.get("name", ""), 0xFE))
 
 
-def _clock(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
+def _clock(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
     """Date and time are the clock's, not the configuration's; without them it goes on as it went."""
     if not {"date", "time"} & values.keys():
         return
@@ -420,7 +428,7 @@ def _reads(text: str, form: str) -> bool:
         return False
 
 
-def _schedule(core: Core, values: dict[str, str], _changed: frozenset[str] | None) -> None:
+def _schedule(core: Core, values: dict[str, str], _changed_names: frozenset[str] | None) -> None:
     """A job without a start starts now."""
     values.setdefault("start-time", core.time().strftime("%H:%M:%S"))
     if values["start-time"] != "startup":

@@ -6,7 +6,7 @@ import re
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import FEATURES, allowed
+from atlantis_netcfg.emulator.routeros.access import FEATURES, is_allowed
 from atlantis_netcfg.emulator.routeros.commands.radio import registrations
 from atlantis_netcfg.emulator.routeros.environment import heard_names, mac_of
 from atlantis_netcfg.emulator.routeros.software import package_file
@@ -34,12 +34,12 @@ def _truth(value: object) -> str:
 
 
 def _interfaces(core: Core, _call: Call) -> Rows:
-    found = [
+    numbered_rows = [
         (item.id, _interface(core, table, item, core.topology.interfaces[item.id]))
         for table in core.store.space_tables("interface")
         for item in table.items
     ]
-    return [row for _, row in sorted(found, key=lambda pair: pair[0])]
+    return [row for _, row in sorted(numbered_rows, key=lambda pair: pair[0])]
 
 
 def _interface(core: Core, table: Table, item: StoredItem, interface: Interface) -> dict[str, str]:
@@ -52,7 +52,7 @@ def _interface(core: Core, table: Table, item: StoredItem, interface: Interface)
         row["default-name"] = item.factory["name"]
     if (comment := core.store.text(table, item, "comment")) is not None:
         row["comment"] = comment
-    flags = {"running": interface.running, "disabled": not interface.enabled}
+    flags = {"running": interface.running, "disabled": not interface.is_enabled}
     if interface.master is not None:
         flags["slave"] = True
     rx, tx = core.octets.get(row.get("default-name", ""), (0, 0))
@@ -116,10 +116,10 @@ def _packages(core: Core, _call: Call) -> Rows:
 
 def _device_mode(core: Core, _call: Call) -> Rows:
     mode = core.spec.device_mode
-    known = core.schema.arguments("/system/device-mode", "update")
-    features = {name: _truth(allowed(core.spec, name)) for name in FEATURES if name in known}
-    called = mode.mode.value if core.schema.at_least("7.17") else "enterprise"
-    return [{"mode": called, "flagged": _truth(mode.flagged), "flagging-enabled": "true", **features}]
+    arguments = core.schema.arguments("/system/device-mode", "update")
+    features = {name: _truth(is_allowed(core.spec, name)) for name in FEATURES if name in arguments}
+    mode_name = mode.mode.value if core.schema.at_least("7.17") else "enterprise"
+    return [{"mode": mode_name, "flagged": _truth(mode.is_flagged), "flagging-enabled": "true", **features}]
 
 
 def _history(core: Core, _call: Call) -> Rows:
@@ -172,7 +172,7 @@ def _files(core: Core, _call: Call) -> Rows:
         {
             ".id": id_text(file.number),
             "name": name,
-            "last-modified": file.modified,
+            "last-modified": file.modified_at,
             **({"type": "directory"} if file.folder else _file(name, file.contents)),
         }
         for name, file in sorted(core.files.items())
@@ -227,14 +227,14 @@ def _arp(core: Core, _call: Call) -> Rows:
 
     Names of fields: Manual, ARP. A real entry ages when nothing is sent. Assumption: arp-entry
     """
-    found = []
+    neighbours = []
     for local in core.topology.locals:
         if not local.works or local.actual is None:
             continue
         for text in core.spec.answering:
             address = IPv4Address(text)
             if address in local.network and address != local.address.ip and core.topology.up(local.actual):
-                found.append((core.topology.name(local.actual), address))
+                neighbours.append((core.topology.name(local.actual), address))
     return [
         {
             ".id": id_text(number),
@@ -249,33 +249,33 @@ def _arp(core: Core, _call: Call) -> Rows:
             "complete": "true",
             "disabled": "false",
         }
-        for number, (interface, address) in enumerate(found, start=1)
+        for number, (interface, address) in enumerate(neighbours, start=1)
     ]
 
 
 def _bridge_hosts(core: Core, _call: Call) -> Rows:
     """What bridges have heard on their ports, and the ports' own addresses, which are `local` (Manual, Bridge)."""
-    bridged, ethernet = core.store.table("/interface/bridge/port"), core.store.table("/interface/ethernet")
+    bridge_ports, ethernet = core.store.table("/interface/bridge/port"), core.store.table("/interface/ethernet")
     cards = {item.id: item for item in ethernet.items}
-    found = []
-    for item in bridged.items:
-        bridge = core.store.target(bridged, item, "bridge")
+    hosts = []
+    for item in bridge_ports.items:
+        bridge = core.store.target(bridge_ports, item, "bridge")
         for number in core.topology.port_members(item):
             if number not in cards or not core.topology.up(bridge) or not core.topology.interfaces[number].running:
                 continue
             place = {"on-interface": core.topology.name(number), "bridge": core.topology.name(bridge)}
             card = cards[number]
             macs = core.spec.around.plugged.get((card.factory or {})["name"], ())
-            found.append((core.store.text(ethernet, card, "mac-address") or "", place, True))
-            found += [(mac.upper(), place, False) for mac in macs]
+            hosts.append((core.store.text(ethernet, card, "mac-address") or "", place, True))
+            hosts += [(mac.upper(), place, False) for mac in macs]
     flags = {"dynamic": "true", "invalid": "false", "external": "false", "disabled": "false"}
     return [
         {".id": id_text(number), "mac-address": mac, **place, "local": _truth(local), **flags}
-        for number, (mac, place, local) in enumerate(found, start=1)
+        for number, (mac, place, local) in enumerate(hosts, start=1)
     ]
 
 
-COMPUTED: dict[str, Callable[[Core, Call], Rows]] = {
+COMPUTED_MENUS: dict[str, Callable[[Core, Call], Rows]] = {
     "/file": _files,
     "/interface": _interfaces,
     "/interface/bridge/host": _bridge_hosts,

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import certificates
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.certificates import TLS_CRYPT_SINCE, OvpnRefused, read_ovpn
+from atlantis_netcfg.emulator.routeros.certificates import TLS_CRYPT_SINCE, OvpnError, read_ovpn
 from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check, complete, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.commands.write import located
+from atlantis_netcfg.emulator.routeros.commands.write import find_item
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.values import BadValue, reference
 
@@ -35,17 +35,17 @@ def sign(core: Core, call: Call) -> CallResult:
 
     Keys stay with their row.
     """
-    _known(core, call)
-    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
-    if named is None:
+    _check_arguments(core, call)
+    selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if selector is None:
         raise MissingArgument("number")
-    item = _row(core, call, named)
+    item = _row(core, call, selector)
     if item.id in core.keys:
         raise Trap("failure: certificate already signed")
     authority = None
     if "ca" in call.arguments:
         authority = core.keys.get(_row(core, call, call.arguments["ca"]).id)
-        if authority is None or not certificates.known(authority).authority:
+        if authority is None or not certificates.read_certificate(authority).authority:
             raise Trap("failure: invalid CA")
     values = {name: value for name, value in item.values.items() if isinstance(value, str)}
     try:
@@ -64,7 +64,7 @@ def import_certificate(core: Core, call: Call) -> CallResult:
 
     A certificate that is there already is not taken a second time, and a key without its certificate not at all.
     """
-    _known(core, call)
+    _check_arguments(core, call)
     name = call.arguments.get("file-name")
     if name is None:
         raise MissingArgument("file-name")
@@ -72,38 +72,38 @@ def import_certificate(core: Core, call: Call) -> CallResult:
     if file is None:
         raise no_such_item()
     stem = call.arguments.get("name", name)
-    trusted = call.arguments.get("trusted", "yes")
+    trust = call.arguments.get("trusted", "yes")
     try:
-        made, keys = take(core, str(file.contents), lambda _authority, number: f"{stem}_{number}", trusted)
+        items, keys = take(core, str(file.contents), lambda _authority, number: f"{stem}_{number}", trust)
     except ValueError as error:
         raise Trap("failure: unable to decode file") from error
-    counts = {"certificates-imported": len(made), "private-keys-imported": keys}
+    counts = {"certificates-imported": len(items), "private-keys-imported": keys}
     row = {word: str(count) for word, count in (counts | {"files-imported": 1, "decryption-failures": 0}).items()}
     return CallResult(rows=[row], text="\n".join(f"  {word}: {count}" for word, count in row.items()))
 
 
-def take(core: Core, text: str, name: Callable[[bool, int], str], trusted: str = "yes") -> tuple[list[StoredItem], int]:
+def take(core: Core, text: str, name: Callable[[bool, int], str], trust: str = "yes") -> tuple[list[StoredItem], int]:
     """Make rows of the certificates in a PEM text, and let keys join theirs; rows made, and keys taken.
 
     `name` is given whether a certificate is an authority's, and its number in the text. Raises ValueError.
     """
-    found, keys = certificates.split(text)
-    there = {certificates.known(core.keys[number]).fingerprint for number in _signed(core)}
-    made = []
-    for number, pem in enumerate(found):
-        about = certificates.known(pem)
+    pems, keys = certificates.split(text)
+    there = {certificates.read_certificate(core.keys[number]).fingerprint for number in _certificate_ids(core)}
+    items = []
+    for number, pem in enumerate(pems):
+        about = certificates.read_certificate(pem)
         if about.fingerprint in there:
             continue
-        row = {"name": name(about.authority, number), "common-name": about.common_name, "trusted": trusted}
-        made.append(core.store.insert(_MENU, row))
-        core.keys[made[-1].id] = pem
+        row = {"name": name(about.authority, number), "common-name": about.common_name, "trusted": trust}
+        items.append(core.store.insert(_MENU, row))
+        core.keys[items[-1].id] = pem
     core.store.changes.clear()
-    return made, sum(_join(core, key) for key in keys)
+    return items, sum(_join(core, key) for key in keys)
 
 
 def _join(core: Core, key: str) -> bool:
     """Put a key to the certificate that it belongs to."""
-    for number in _signed(core):
+    for number in _certificate_ids(core):
         pem = core.keys[number]
         if "PRIVATE KEY" not in pem and certificates.belongs(key, pem):
             core.keys[number] = key + pem
@@ -111,22 +111,22 @@ def _join(core: Core, key: str) -> bool:
     return False
 
 
-def _signed(core: Core) -> list[int]:
+def _certificate_ids(core: Core) -> list[int]:
     """The rows that are more than templates; what is kept of removed ones, an undo may need."""
     return [item.id for item in core.store.table(_MENU).items if item.id in core.keys]
 
 
-def _row(core: Core, call: Call, named: str) -> StoredItem:
-    item = located(core, core.store.table(_MENU), named, console=call.console)
+def _row(core: Core, call: Call, selector: str) -> StoredItem:
+    item = find_item(core, core.store.table(_MENU), selector, console=call.console)
     if item is None:
         raise no_such_item()
     return item
 
 
-def _known(core: Core, call: Call) -> None:
-    known = core.schema.arguments(call.menu, call.command) | {*_SELECTORS}
+def _check_arguments(core: Core, call: Call) -> None:
+    allowed_names = core.schema.arguments(call.menu, call.command) | {*_SELECTORS}
     for name in call.arguments:
-        if name not in known:
+        if name not in allowed_names:
             raise unknown(name)
 
 
@@ -148,11 +148,11 @@ def import_profile(core: Core, call: Call) -> CallResult:
         raise MissingArgument("ovpn-user")
     try:
         read = read_ovpn(core.files[name].contents, wraps=core.schema.at_least(TLS_CRYPT_SINCE))
-    except OvpnRefused as refused:
+    except OvpnError as refused:
         raise Trap(f"failure: {refused}") from refused
     stem = _stem(core)
-    given = {"name": stem, "user": call.arguments["ovpn-user"], "password": call.arguments.get("ovpn-password", "")}
-    values = {**_parsed(core, {**read.values, **given}), "disabled": "yes"}
+    account = {"name": stem, "user": call.arguments["ovpn-user"], "password": call.arguments.get("ovpn-password", "")}
+    values = {**_parse_values(core, {**read.values, **account}), "disabled": "yes"}
     check(core, _CLIENTS, values, None)
     if call.arguments.get("skip-cert-import", "no") not in _TRUE and read.certificates:
         _certificates(core, read.certificates, stem, values)
@@ -160,7 +160,7 @@ def import_profile(core: Core, call: Call) -> CallResult:
     item = core.store.insert(_CLIENTS, values)
     if read.wrap is not None:
         core.wraps[item.id] = read.wrap
-    _checks.added(core, Call(call.caller, _CLIENTS, "add", console=call.console), item)
+    _checks.record_addition(core, Call(call.caller, _CLIENTS, "add", console=call.console), item)
     return CallResult(rows=[{"progress": "done"}], text="  progress: done")
 
 
@@ -172,7 +172,7 @@ def _stem(core: Core) -> str:
     return f"ovpn-import{second}"
 
 
-def _parsed(core: Core, values: dict[str, str]) -> dict[str, str]:
+def _parse_values(core: Core, values: dict[str, str]) -> dict[str, str]:
     args = core.store.table(_CLIENTS).args
     try:
         return {name: args[name].kind.parse(text, core.store) for name, text in values.items()}

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import COMMANDS, NOT_ALLOWED, allowed
+from atlantis_netcfg.emulator.routeros.access import COMMANDS, NOT_ALLOWED, is_allowed
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, radio, read, system, write
 from atlantis_netcfg.emulator.routeros.commands._checks import unknown
-from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
+from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 
 if TYPE_CHECKING:
@@ -81,11 +81,11 @@ def dispatch(core: Core, call: Call) -> CallResult:
     """Run one command. Raises Trap in the router's words."""
     if not core.schema.has_menu(call.menu):
         raise Trap("no such command prefix", Category.MISSING)
-    gone = call.path == "/tool/ping" and core.deviates(Deviation.NO_PING)
-    if gone or not core.schema.has_command(call.menu, call.command):
+    is_missing = call.path == "/tool/ping" and core.deviates(Deviation.NO_PING)
+    if is_missing or not core.schema.has_command(call.menu, call.command):
         raise Trap("no such command", Category.MISSING)
     feature = COMMANDS.get(call.path)
-    if feature is not None and not allowed(core.spec, feature):
+    if feature is not None and not is_allowed(core.spec, feature):
         raise Trap(NOT_ALLOWED)
     handler, policy = _handler(core, call)
     _permit(core, call, policy)
@@ -96,13 +96,13 @@ def _handler(core: Core, call: Call) -> tuple[Handler, str]:
     special = _SPECIAL.get(call.path)
     # At the root `find` and `set` are words of the scripting language.
     row = _ROWS.get(call.command) if call.menu != "/" else None
-    if special is None and row is not None and (call.menu not in COMPUTED or call.command in _READ_ONLY):
+    if special is None and row is not None and (call.menu not in COMPUTED_MENUS or call.command in _READ_ONLY):
         return row
     _check_names(core, call)
     if special is None and call.command == "add":
         write.check_needed(core, call, call.arguments)
     if special is None:
-        if call.menu not in COMPUTED:
+        if call.menu not in COMPUTED_MENUS:
             write.check_rows(core, call)
         raise Trap(f"not rehearsed by the twin: {call.path}")
     return special
@@ -110,15 +110,15 @@ def _handler(core: Core, call: Call) -> tuple[Handler, str]:
 
 def _check_names(core: Core, call: Call) -> None:
     """Refuse arguments that the command does not take, before anything else is said of it."""
-    known = core.schema.arguments(call.menu, call.command)
-    api = {".id", ".proplist"} if {"number", "numbers"} & known else {".proplist"}
+    argument_names = core.schema.arguments(call.menu, call.command)
+    api = {".id", ".proplist"} if {"number", "numbers"} & argument_names else {".proplist"}
     for name in call.arguments:
-        if name not in known | api:
+        if name not in argument_names | api:
             raise unknown(name)
 
 
 def _permit(core: Core, call: Call, policy: str) -> None:
-    granted = core.policies(call.caller)
-    needed = {policy, "policy"} if policy == "write" and call.menu.startswith("/user") else {policy}
-    if not needed <= granted:
+    policies = core.policies(call.caller)
+    required_policies = {policy, "policy"} if policy == "write" and call.menu.startswith("/user") else {policy}
+    if not required_policies <= policies:
         raise Trap("not enough permissions (9)")

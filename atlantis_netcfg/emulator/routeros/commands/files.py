@@ -24,13 +24,13 @@ def _arguments(core: Core, call: Call) -> None:
             raise unknown(name)
 
 
-def _needed(call: Call, name: str) -> str:
+def _require_argument(call: Call, name: str) -> str:
     if name not in call.arguments:
         raise MissingArgument(name)
     return call.arguments[name]
 
 
-def _named(core: Core, text: str) -> str:
+def _find_file_name(core: Core, text: str) -> str:
     """Return the name of a file, given by name or id."""
     for name, file in core.files.items():
         if text in (name, id_text(file.number)):
@@ -49,7 +49,7 @@ def _write(core: Core, name: str, contents: str) -> FlashFile:
 def add(core: Core, call: Call) -> CallResult:
     """Make a file; contents come in one argument and are limited (Manual, Files: 60 kB)."""
     _arguments(core, call)
-    name = _needed(call, "name")
+    name = _require_argument(call, "name")
     if name in core.files:
         raise Trap("failure: file already exists")
     return CallResult(ret=id_text(_write(core, name, _contents(call)).number))
@@ -63,10 +63,10 @@ def _contents(call: Call) -> str:
 
 
 def _targets(core: Core, call: Call) -> list[str]:
-    named = call.arguments.get(".id") or call.arguments.get("numbers")
-    if named is None:
+    selector = call.arguments.get(".id") or call.arguments.get("numbers")
+    if selector is None:
         raise MissingArgument(".id")
-    return [_named(core, part) for part in named.split(",")]
+    return [_find_file_name(core, part) for part in selector.split(",")]
 
 
 def set_(core: Core, call: Call) -> CallResult:
@@ -91,7 +91,7 @@ def remove(core: Core, call: Call) -> CallResult:
 def read(core: Core, call: Call) -> CallResult:
     """Return a piece of a file, `chunk-size` bytes from `offset`."""
     _arguments(core, call)
-    data = core.files[_named(core, _needed(call, "file"))].contents.encode(errors="surrogateescape")
+    data = core.files[_find_file_name(core, _require_argument(call, "file"))].contents.encode(errors="surrogateescape")
     offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
     if not 1 <= size <= _MOST_CHUNK:
         raise Trap(f"value of chunk-size out of range (1..{_MOST_CHUNK})", Category.ARGUMENT)
@@ -113,13 +113,13 @@ def export(core: Core, call: Call) -> CallResult:
     _arguments(core, call)
     if "where" in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} where")
-    desired = "show-sensitive" in call.arguments or not (
+    show_sensitive = "show-sensitive" in call.arguments or not (
         core.schema.at_least("7.0") or "hide-sensitive" in call.arguments
     )
     form = Form(
         verbose="verbose" in call.arguments,
         terse="terse" in call.arguments,
-        show_sensitive=desired and "sensitive" in core.policies(call.caller),
+        show_sensitive=show_sensitive and "sensitive" in core.policies(call.caller),
     )
     text = export_text(core, call.menu, form)
     if "file" in call.arguments:
@@ -132,7 +132,7 @@ def export(core: Core, call: Call) -> CallResult:
 def import_(core: Core, call: Call) -> CallResult:
     """Run a file of commands; with `dry-run` only look for syntax errors."""
     _arguments(core, call)
-    text = core.files[_named(core, _needed(call, "file-name"))].contents
+    text = core.files[_find_file_name(core, _require_argument(call, "file-name"))].contents
     first = _number(call, "from-line", 1)
     text = "\n".join(text.split("\n")[first - 1 :])
     if call.arguments.get("dry-run", "no") in _TRUE:
@@ -149,7 +149,7 @@ def execute(core: Core, call: Call) -> CallResult:
     _arguments(core, call)
     if core.spec.execute is Execute.NONE:
         raise Trap("no such command", Category.MISSING)
-    script = _needed(call, "script")
+    script = _require_argument(call, "script")
     if len(script.encode(errors="surrogateescape")) > _MOST_SCRIPT:
         raise Trap("invalid value for argument script", Category.ARGUMENT)
     entries = len(core.history.entries)
@@ -160,7 +160,7 @@ def execute(core: Core, call: Call) -> CallResult:
         core.history.settle(entries)
     if "file" in call.arguments:
         _write(core, f"{call.arguments['file']}.txt", outcome.output)
-    if "as-string" not in call.arguments or (call.console and core.deviates(Deviation.NESTED)):
+    if "as-string" not in call.arguments or (call.console and core.deviates(Deviation.NESTED_EXECUTE)):
         if outcome.error is not None:
             core.note("script,error", outcome.error)
         return CallResult(ret=id_text(core.number()))
@@ -180,8 +180,8 @@ def save(core: Core, call: Call) -> CallResult:
 def load(core: Core, call: Call) -> CallResult:
     """Load a backup, which reboots the router; the ending of its name may be left out, as `save` lets one."""
     _arguments(core, call)
-    name = _needed(call, "name")
-    contents = core.files[_named(core, name if name in core.files else f"{name}.backup")].contents
+    name = _require_argument(call, "name")
+    contents = core.files[_find_file_name(core, name if name in core.files else f"{name}.backup")].contents
     core.history.clear()
     core.store.load(json.loads(contents))
     core.wants_reboot = True

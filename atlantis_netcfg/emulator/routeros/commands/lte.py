@@ -21,34 +21,34 @@ _ANY = (".id", "number", "numbers")
 
 def monitor(core: Core, call: Call) -> CallResult:
     """`monitor <interface> once`."""
-    mine = _named(core, call, "numbers")
+    mine = _find_modem(core, call, "numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
-    row = _shown(core, mine)
+    row = _status_row(core, mine)
     if "pin-status" in row and core.deviates(Deviation.PIN_WORDS):
         row["pin-status"] = "CHV1 state 7"
-    desired = call.arguments.get("proplist", call.arguments.get(".proplist"))
-    names = set(desired.split(",")) if desired else set(row)
+    proplist = call.arguments.get("proplist", call.arguments.get(".proplist"))
+    names = set(proplist.split(",")) if proplist else set(row)
     return CallResult(rows=[{name: value for name, value in row.items() if name in names}])
 
 
 def capabilities(core: Core, call: Call) -> CallResult:
     """`show-capabilities <interface>`: which features the modem has. Assumption: lte-pin-once."""
-    _named(core, call, "number")
+    _find_modem(core, call, "number")
     return CallResult(rows=[{"cell-scan": "yes", "passthrough": "yes", "roaming-barring": "yes"}])
 
 
-def _named(core: Core, call: Call, needed: str) -> ModemSettings:
-    named = next((call.arguments[name] for name in _ANY if name in call.arguments), None)
-    if named is None:
-        raise MissingArgument(needed)
+def _find_modem(core: Core, call: Call, argument: str) -> ModemSettings:
+    selector = next((call.arguments[name] for name in _ANY if name in call.arguments), None)
+    if selector is None:
+        raise MissingArgument(argument)
     mine = settings_of(core)
-    if mine is None or named not in {mine.name, id_text(mine.item.id)}:
+    if mine is None or selector not in {mine.name, id_text(mine.item.id)}:
         raise no_such_item()
     return mine
 
 
-def _shown(core: Core, mine: ModemSettings) -> _Row:
+def _status_row(core: Core, mine: ModemSettings) -> _Row:
     phase = phase_of(core, mine)
     if phase is ModemPhase.OFF:
         return {"status": "disabled"}
@@ -57,7 +57,7 @@ def _shown(core: Core, mine: ModemSettings) -> _Row:
     if phase is ModemPhase.PUK:
         return {"pin-status": "SIM PUK required", "functionality": "full", **_BOX}
     if phase is ModemPhase.PIN:
-        text = "wrong PIN" if core.sim.refused else "SIM PIN required"
+        text = "wrong PIN" if core.sim.is_refused else "SIM PIN required"
         return {"pin-status": text, "functionality": "full", **_BOX}
     words = {ModemPhase.SEARCHING: "searching", ModemPhase.DENIED: "denied", ModemPhase.REGISTERED: "registered"}
     row = {"pin-status": "no password required", "status": words.get(phase, "connected"), **_BOX, **_CARD}

@@ -13,7 +13,7 @@ from atlantis_netcfg.emulator.routeros.answers import Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.radio._law import why_silent
-from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited, settings_of
+from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited_values, settings_of
 from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Air, Driver, Peer, RadioSettings, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
@@ -33,12 +33,12 @@ def monitor(core: Core, call: Call) -> CallResult:
     for name in call.arguments:
         if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
             raise unknown(name)
-    desired = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
-    if desired is None:
+    selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if selector is None:
         raise MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
-    radios = [(item, mine) for item, mine in _radios(core, call.menu) if desired in _names(core, call.menu, item)]
+    radios = [(item, mine) for item, mine in _radios(core, call.menu) if selector in _names(core, call.menu, item)]
     if not radios:
         raise no_such_item()
     return CallResult(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
@@ -58,7 +58,7 @@ def _state(core: Core, item: StoredItem, mine: RadioSettings) -> RadioState:
     """Return what a radio sees; where nobody emulates the air, it is alone."""
     name = (item.factory or {})["name"]
     alone = RadioState("running-ap") if mine.is_ap else _ALONE
-    return core.radios.get(name, alone) if mine.enabled else RadioState("disabled")
+    return core.radios.get(name, alone) if mine.is_enabled else RadioState("disabled")
 
 
 def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
@@ -120,7 +120,7 @@ def registrations(core: Core, call: Call) -> list[_Row]:
 
 def _stations(core: Core, mine: RadioSettings) -> list[NearbyStation]:
     """Clients around the router that a radio serves. How long it listens for radar before is not emulated for them."""
-    if not (mine.enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, Air()):
+    if not (mine.is_enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, Air()):
         return []
     keys = {part.partition("=")[2] if mine.driver is Driver.WIRELESS else part for part in _passphrases(mine)}
     return [
@@ -145,8 +145,8 @@ def _of_station(menu: str, interface: str, mine: RadioSettings, station: NearbyS
     row = {"interface": interface, "mac-address": station.mac.upper(), "uptime": "10m", "last-activity": "0ms"}
     if menu == WIFI:
         rate = {"tx-rate": "286.8Mbps-20MHz/2S", "rx-rate": "286.8Mbps-20MHz/2S"}
-        shown = {"ssid": mine.ssid, "signal": f"{station.signal_dbm:.0f}", "auth-type": kind}
-        return {**row, **shown, "band": mine.band or "5ghz-ax", **rate, "authorized": "true"}
+        radio_values = {"ssid": mine.ssid, "signal": f"{station.signal_dbm:.0f}", "auth-type": kind}
+        return {**row, **radio_values, "band": mine.band or "5ghz-ax", **rate, "authorized": "true"}
     level = {"signal-strength": f"{station.signal_dbm:.0f}dBm@6Mbps"}
     level |= {"signal-to-noise": f"{station.signal_dbm - NOISE_DBM:.0f}", "authentication-type": kind}
     rate = {"rx-rate": "130Mbps-20MHz/2S", "tx-rate": "130Mbps-20MHz/2S", "802.1x-port-enabled": "true"}
@@ -221,8 +221,8 @@ def _with_inherited(core: Core, table: Table, row: _Row) -> _Row:
         return row
     local = {
         name.removeprefix("configuration.") if table.menu.path != WIFI else name: value
-        for name, value in inherited(core.store, table, item).items()
+        for name, value in inherited_values(core.store, table, item).items()
         if value is not None
     }
-    shown = {name: table.args[name].kind.show(value) for name, value in local.items() if name in table.args}
-    return {**{name: value for name, value in shown.items() if not table.args[name].secret}, **row}
+    texts = {name: table.args[name].kind.show(value) for name, value in local.items() if name in table.args}
+    return {**{name: value for name, value in texts.items() if not table.args[name].secret}, **row}

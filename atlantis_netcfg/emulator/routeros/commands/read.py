@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
-from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED
+from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS
 from atlantis_netcfg.emulator.routeros.commands.radio import amounting
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.views import rows, without_counters
 
@@ -121,41 +121,41 @@ _ANY = {
 
 def all_rows(core: Core, call: Call) -> list[dict[str, str]]:
     """Return the rows of the call's menu, as this session may see them."""
-    if call.menu in COMPUTED:
-        return COMPUTED[call.menu](core, call)
-    found = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
+    if call.menu in COMPUTED_MENUS:
+        return COMPUTED_MENUS[call.menu](core, call)
+    menu_rows = rows(core, call.menu, sensitive="sensitive" in core.policies(call.caller))
     if call.menu == "/tool/netwatch" and core.deviates(Deviation.TIMES):
-        found = [{**row, "interval": "10000 ms"} for row in found]
+        menu_rows = [{**row, "interval": "10000 ms"} for row in menu_rows]
     if call.menu == "/system/scheduler" and core.deviates(Deviation.JOB_TEXT):
-        found = [{**row, "on-event": row["on-event"][:4096]} for row in found]
+        menu_rows = [{**row, "on-event": row["on-event"][:4096]} for row in menu_rows]
     if call.menu == "/ip/route" and core.deviates(Deviation.NAMES):
-        found = [{**row, "gateway": core.first_names.get(row["gateway"], row["gateway"])} for row in found]
-    return found if "config" in call.arguments else amounting(core, call.menu, found)
+        menu_rows = [{**row, "gateway": core.first_names.get(row["gateway"], row["gateway"])} for row in menu_rows]
+    return menu_rows if "config" in call.arguments else amounting(core, call.menu, menu_rows)
 
 
 def print_(core: Core, call: Call) -> CallResult:
     """Show the rows that the queries let through."""
-    known = core.schema.arguments(call.menu, "print") | {".proplist"}
+    argument_names = core.schema.arguments(call.menu, "print") | {".proplist"}
     for name in (*call.arguments, *call.unset):
-        if name not in known and not (name in ("stats", "detail") and call.menu in COMPUTED):
+        if name not in argument_names and not (name in ("stats", "detail") and call.menu in COMPUTED_MENUS):
             raise unknown(name)
         if name not in _ANY:
             raise Trap(f"not rehearsed by the twin: {call.path} {name}")
     orders = not core.deviates(Deviation.QUERY_ORDER)
-    found = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
+    selected_rows = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
     if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
-        return CallResult(ret=str(len(found)))
-    desired = _proplist(call)
-    if desired is None and "stats" not in call.arguments:
-        found = [without_counters(row) for row in found]
-    elif desired is not None:
-        args = () if call.menu in COMPUTED else core.store.table(call.menu).args
-        there = {".id", *args, *(name for row in found for name in row)}
-        absent = next((name for name in desired if name not in there), None)
+        return CallResult(ret=str(len(selected_rows)))
+    proplist = _proplist(call)
+    if proplist is None and "stats" not in call.arguments:
+        selected_rows = [without_counters(row) for row in selected_rows]
+    elif proplist is not None:
+        args = () if call.menu in COMPUTED_MENUS else core.store.table(call.menu).args
+        there = {".id", *args, *(name for row in selected_rows for name in row)}
+        absent = next((name for name in proplist if name not in there), None)
         if absent is not None and core.deviates(Deviation.PROPERTIES):
             raise unknown(absent)
-        found = [{name: row[name] for name in desired if name in row} for row in found]
-    return CallResult(rows=found, listing=True)
+        selected_rows = [{name: row[name] for name in proplist if name in row} for row in selected_rows]
+    return CallResult(rows=selected_rows, listing=True)
 
 
 def _proplist(call: Call) -> list[str] | None:
@@ -181,35 +181,35 @@ def find(core: Core, call: Call) -> CallResult:
 
 def get(core: Core, call: Call) -> CallResult:
     """Return one property of one row, or the whole row as `name=value;...`."""
-    known = core.schema.arguments(call.menu, "get") | {".id", "numbers"}
+    argument_names = core.schema.arguments(call.menu, "get") | {".id", "numbers"}
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
     row = _row(core, call)
-    desired = call.arguments.get("value-name")
-    if desired is None:
+    value_name = call.arguments.get("value-name")
+    if value_name is None:
         return CallResult(ret=";".join(f"{key}={value}" for key, value in row.items()))
-    if desired not in row and (call.menu in COMPUTED or desired not in core.store.table(call.menu).args):
+    if value_name not in row and (call.menu in COMPUTED_MENUS or value_name not in core.store.table(call.menu).args):
         raise Trap("input does not match any value of value-name", Category.ARGUMENT)
-    return CallResult(ret=row.get(desired, ""))
+    return CallResult(ret=row.get(value_name, ""))
 
 
 def _row(core: Core, call: Call) -> dict[str, str]:
-    found = all_rows(core, call)
+    menu_rows = all_rows(core, call)
     number = call.arguments.get(".id") or call.arguments.get("number") or call.arguments.get("numbers")
-    if not any(".id" in row for row in found) and _is_settings(core, call.menu):
-        return found[0]
+    if not any(".id" in row for row in menu_rows) and _is_settings(core, call.menu):
+        return menu_rows[0]
     if number is None:
         raise MissingArgument(".id" if not call.console else "number")
-    called = core.store.table(call.menu).menu.called if call.menu not in COMPUTED else "name"
-    for row in found:
-        if number in (row.get(".id"), row.get(called)):
+    name_property = core.store.table(call.menu).menu.name_property if call.menu not in COMPUTED_MENUS else "name"
+    for row in menu_rows:
+        if number in (row.get(".id"), row.get(name_property)):
             return row
     raise no_such_item()
 
 
 def _is_settings(core: Core, menu: str) -> bool:
-    return menu in COMPUTED or core.store.table(menu).menu.shape is Shape.SETTINGS
+    return menu in COMPUTED_MENUS or core.store.table(menu).menu.shape is Shape.SETTINGS
 
 
 def inspect(core: Core, call: Call) -> CallResult:
@@ -223,22 +223,22 @@ def inspect(core: Core, call: Call) -> CallResult:
     request = call.arguments.get("request", "")
     if request not in requests:
         raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
-    found = [row for row in requests[request](core, call) if matches(call.queries, row)]
+    results = [row for row in requests[request](core, call) if matches(call.queries, row)]
     if not call.queries and core.deviates(Deviation.LISTS) and core.number() % 2:
-        found = found[:-1]
-    desired = _proplist(call)
+        results = results[:-1]
+    proplist = _proplist(call)
     return CallResult(
-        rows=found if desired is None else [{name: row[name] for name in desired if name in row} for row in found]
+        rows=results if proplist is None else [{name: row[name] for name in proplist if name in row} for row in results]
     )
 
 
-def _walked(call: Call) -> list[str]:
+def _path_words(call: Call) -> list[str]:
     path = call.arguments.get("path", "")
     return [word for word in path.split(",") if word] if "/" not in path else ["/"]
 
 
 def _children(core: Core, call: Call) -> list[dict[str, str]]:
-    words = _walked(call)
+    words = _path_words(call)
     menu, schema = "/" + "/".join(words), core.schema
     kinds = dict.fromkeys(schema.submenus(menu), "dir") if schema.has_menu(menu) else {}
     kinds |= dict.fromkeys(schema.commands(menu), "cmd")
@@ -249,18 +249,21 @@ def _children(core: Core, call: Call) -> list[dict[str, str]]:
 
 def _offers(core: Core, call: Call) -> list[dict[str, str]]:
     """Values for the argument that the path names, or that the input ends with: `add action=`."""
-    typed = call.arguments.get("input", "")
-    words = [*_walked(call), *re.split(r"[/ =]+", typed.strip("/ ").rpartition("=")[0] if "=" in typed else typed)]
+    input_text = call.arguments.get("input", "")
+    words = [
+        *_path_words(call),
+        *re.split(r"[/ =]+", input_text.strip("/ ").rpartition("=")[0] if "=" in input_text else input_text),
+    ]
     *path, argument = [word for word in words if word] or [""]
     *menu, command = path or [""]
     where = "/" + "/".join(menu)
     if argument not in core.schema.arguments(where, command):
         return []
-    started = typed.rpartition("=")[2] if "=" in typed else ""
+    prefix = input_text.rpartition("=")[2] if "=" in input_text else ""
     return [
         {"completion": value, "preference": "80", "show": "true", "style": "none", "text": ""}
-        for value in offered(where, argument)
-        if value.startswith(started)
+        for value in offered_values(where, argument)
+        if value.startswith(prefix)
     ]
 
 
@@ -274,25 +277,25 @@ class Condition:
     name: str
     sign: str = "?"
     value: str = ""
-    negated: bool = False
+    is_negated: bool = False
     possible: bool = True
     """The value has the type of a property."""
 
     def fits(self, row: Mapping[str, str]) -> bool:
         """Tell whether a row is meant."""
-        return self.negated is not self._fits(row.get(self.name, ""))
+        return self.is_negated is not self._fits(row.get(self.name, ""))
 
-    def _fits(self, found: str) -> bool:
+    def _fits(self, text: str) -> bool:
         if self.sign == "?":
-            return found not in ("", "false", "no")
+            return text not in ("", "false", "no")
         if not self.possible:
             return self.sign == "!="
         if self.sign == "~":
-            return re.search(self.value, found) is not None
-        same = found in (self.value, _BOOLS.get(self.value))
+            return re.search(self.value, text) is not None
+        same = text in (self.value, _BOOLS.get(self.value))
         if self.sign in ("=", "!="):
             return same is (self.sign == "=")
-        less = _ordered(found) < _ordered(self.value)
+        less = _sort_key(text) < _sort_key(self.value)
         return less if self.sign == "<" else not (less or same)
 
 
@@ -305,7 +308,7 @@ def fits(row: Mapping[str, str], where: Where) -> bool:
     return not where or any(all(condition.fits(row) for condition in item) for item in where)
 
 
-def _ordered(text: str) -> tuple[int, int, str]:
+def _sort_key(text: str) -> tuple[int, int, str]:
     return (0, int(text), "") if text.isdecimal() else (1, 0, text)
 
 
@@ -321,7 +324,7 @@ def emit(core: Core) -> None:
     settle(core)
     for listener in core.listeners:
         now = _rows(core, listener.call)
-        news = [row for number, row in now.items() if listener.seen.get(number) != row]
-        news += [{".id": number, ".dead": "true"} for number in listener.seen if number not in now]
-        listener.seen = now
+        news = [row for number, row in now.items() if listener.shown_rows.get(number) != row]
+        news += [{".id": number, ".dead": "true"} for number in listener.shown_rows if number not in now]
+        listener.shown_rows = now
         core.outbox += [(listener.caller.number, listener.tag, Answer.row(row)) for row in news]

@@ -40,9 +40,9 @@ def reboot(core: Core, _call: Call) -> CallResult:
 
 def ping(core: Core, call: Call) -> CallResult:
     """Send echo requests; who answers is in the spec, whether they get there is in the configuration."""
-    known = core.schema.arguments(call.menu, call.command)
+    argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
     if "address" not in call.arguments:
         raise MissingArgument("address")
@@ -55,7 +55,7 @@ def ping(core: Core, call: Call) -> CallResult:
         # Who answers ARP on a link of its own is nobody's packet on the way out, and needs no route.
         return CallResult(rows=_echoes(str(target), int(count), reachable=str(target) in core.spec.answering))
     reachable = answers(core, target, source)
-    count_echoes(core, target, source, int(count), answered=reachable)
+    count_echoes(core, target, source, int(count), has_answer=reachable)
     return CallResult(rows=_echoes(str(target), int(count), reachable=reachable))
 
 
@@ -71,8 +71,8 @@ def _echoes(host: str, count: int, *, reachable: bool) -> list[dict[str, str]]:
     for number in range(count):
         row = {"seq": str(number), "host": host}
         row |= {"size": _PING_SIZE, "ttl": "64", "time": "1ms"} if reachable else {"status": "timeout"}
-        received = number + 1 if reachable else 0
-        row |= {"sent": str(number + 1), "received": str(received), "packet-loss": "0" if reachable else "100"}
+        received_count = number + 1 if reachable else 0
+        row |= {"sent": str(number + 1), "received": str(received_count), "packet-loss": "0" if reachable else "100"}
         if reachable:
             row |= {"min-rtt": "1ms", "avg-rtt": "1ms", "max-rtt": "1ms"}
         rows.append(row)
@@ -90,18 +90,18 @@ def log(core: Core, call: Call) -> CallResult:
 def logout(core: Core, call: Call) -> CallResult:
     """`/user/active/request-logout`, `remove` from 7.20: end another session, as if its client had closed it."""
     numbers = {f"*{number:X}": number for number in core.sessions}
-    named = call.arguments.get(".id") or call.arguments.get("numbers") or ""
-    if named not in numbers:
+    selector = call.arguments.get(".id") or call.arguments.get("numbers") or ""
+    if selector not in numbers:
         raise no_such_item()
-    core.ended.add(numbers[named])
+    core.ended.add(numbers[selector])
     return CallResult()
 
 
 def update_mode(core: Core, call: Call) -> CallResult:
     """Ask for a button press that no twin can give: nothing changes (Manual, Device-mode)."""
-    known = core.schema.arguments(call.menu, call.command)
+    argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
     mode = call.arguments.get("mode")
     if mode is not None and mode not in list(DeviceModeName):
@@ -116,24 +116,24 @@ def update_mode(core: Core, call: Call) -> CallResult:
 
 def interface(core: Core, call: Call) -> CallResult:
     """Change rows of `/interface` in the menu where they live."""
-    named = call.arguments.get(".id") or call.arguments.get("numbers")
-    if named is None:
+    selector = call.arguments.get(".id") or call.arguments.get("numbers")
+    if selector is None:
         raise MissingArgument(".id" if not call.console else "numbers")
     if call.command not in _ROW_COMMANDS:
         raise Trap(f"not rehearsed by the twin: {call.path}")
-    known = core.schema.arguments("/interface", call.command) | {".id"}
+    argument_names = core.schema.arguments("/interface", call.command) | {".id"}
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
-    for part in named.split(","):
+    for part in selector.split(","):
         rest = {name: value for name, value in call.arguments.items() if name != "numbers"}
         _ROW_COMMANDS[call.command](core, replace(call, menu=_home(core, part), arguments=rest | {".id": part}))
     return CallResult()
 
 
-def _home(core: Core, named: str) -> str:
+def _home(core: Core, selector: str) -> str:
     for table in core.store.space_tables("interface"):
-        if write.located(core, table, named) is not None:
+        if write.find_item(core, table, selector) is not None:
             return table.menu.path
     raise no_such_item()
 
@@ -148,9 +148,9 @@ _ROW_COMMANDS = {
 
 def poe(core: Core, call: Call) -> CallResult:
     """`/interface/ethernet/poe` sets what `/interface/ethernet` has too."""
-    known = core.schema.arguments(call.menu, "set") | {".id"}
+    argument_names = core.schema.arguments(call.menu, "set") | {".id"}
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
     return write.set_(core, replace(call, menu="/interface/ethernet"))
 
@@ -160,34 +160,36 @@ _SELECTORS = ("numbers", ".id")
 
 def monitor(core: Core, call: Call) -> CallResult:
     """`poe/monitor <ports> once`: the ports that can feed."""
-    return CallResult(rows=[_row(core, _port(core, part, core.spec.poe_ports)) for part in _monitored(core, call)])
+    return CallResult(
+        rows=[_row(core, _port(core, part, core.spec.poe_ports)) for part in _monitored_ports(core, call)]
+    )
 
 
 def ethernet(core: Core, call: Call) -> CallResult:
     """`monitor <ports> once`; a port without a link says no rate. Every link of an emulated board is 1 Gbit/s."""
-    return CallResult(rows=[_link(core, _port(core, part, core.spec.ports)) for part in _monitored(core, call)])
+    return CallResult(rows=[_link(core, _port(core, part, core.spec.ports)) for part in _monitored_ports(core, call)])
 
 
-def _monitored(core: Core, call: Call) -> list[str]:
+def _monitored_ports(core: Core, call: Call) -> list[str]:
     """The ports that a monitor is for; without `once` it would not end."""
-    known = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
+    argument_names = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
     for name in call.arguments:
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
-    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
-    if named is None:
+    selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if selector is None:
         raise MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
-    return named.split(",")
+    return selector.split(",")
 
 
-def _port(core: Core, named: str, ports: Collection[str]) -> StoredItem:
+def _port(core: Core, selector: str, ports: Collection[str]) -> StoredItem:
     """The port of that name or id, if it is among these (factory names)."""
     table = core.store.table("/interface/ethernet")
     for item in table.items:
         there = (item.factory or {}).get("name") in ports
-        if there and named in {id_text(item.id), core.store.text(table, item, "name")}:
+        if there and selector in {id_text(item.id), core.store.text(table, item, "name")}:
             return item
     raise no_such_item()
 
@@ -197,8 +199,8 @@ def _link(core: Core, item: StoredItem) -> dict[str, str]:
     name = core.store.text(core.store.table("/interface/ethernet"), item, "name") or ""
     if not core.topology.interfaces[item.id].running:
         return {"name": name, "status": "no-link", "auto-negotiation": "incomplete"}
-    found = {"name": name, "status": "link-ok", "auto-negotiation": "done", "rate": "1Gbps", "full-duplex": "yes"}
-    return found | {"tx-flow-control": "no", "rx-flow-control": "no"}
+    row = {"name": name, "status": "link-ok", "auto-negotiation": "done", "rate": "1Gbps", "full-duplex": "yes"}
+    return row | {"tx-flow-control": "no", "rx-flow-control": "no"}
 
 
 def _row(core: Core, item: StoredItem) -> dict[str, str]:

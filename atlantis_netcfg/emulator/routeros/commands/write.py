@@ -18,7 +18,7 @@ from atlantis_netcfg.emulator.routeros.commands._checks import (
 )
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
-from atlantis_netcfg.emulator.routeros.schema import needed
+from atlantis_netcfg.emulator.routeros.schema import required_arguments
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.store import StoredItem
 from atlantis_netcfg.emulator.routeros.values import BadValue, id_text, reference, seconds
@@ -40,8 +40,8 @@ _PLACEMENT = ("copy-from", "place-before")
 def add(core: Core, call: Call) -> CallResult:
     """Add a row, at the end or before another; return its id."""
     table = core.store.table(call.menu)
-    known = core.schema.arguments(call.menu, "add") & {*table.args, *_PLACEMENT}
-    values = _given(core, table, call, known)
+    argument_names = core.schema.arguments(call.menu, "add") & {*table.args, *_PLACEMENT}
+    values = _parse_arguments(core, table, call, argument_names)
     if "copy-from" in call.arguments:
         values = dict(_item(core, call, table, call.arguments["copy-from"]).values) | values
     check_needed(core, call, values)
@@ -52,28 +52,28 @@ def add(core: Core, call: Call) -> CallResult:
     check(core, call.menu, values, None)
     item = core.store.insert(call.menu, values, index)
     _expire(core, call.menu, item)
-    _checks.added(core, call, item)
+    _checks.record_addition(core, call, item)
     return CallResult(ret=id_text(item.id))
 
 
 def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
     """Refuse a row that lacks what it must have: by the record of its menu, or by its model where there is none."""
     table = core.store.table(call.menu)
-    names = needed(core.schema.version, call.menu)
+    names = required_arguments(core.schema.version, call.menu)
     if isinstance(names, str) and not values:
         raise Trap(names)
     if not names or isinstance(names, str):
-        names = tuple(arg.name for arg in table.args.values() if arg.required)
+        names = tuple(arg.name for arg in table.args.values() if arg.is_required)
     lacking = [name for name in names if name in table.args and name not in values]
     if lacking:
         raise MissingArgument(*lacking)
 
 
-def _index(core: Core, call: Call, table: Table, named: str) -> int:
+def _index(core: Core, call: Call, table: Table, selector: str) -> int:
     """Return the position of a row; the console counts rows from 0."""
-    if call.console and named.isdecimal() and int(named) < len(table.items):
-        return int(named)
-    return table.items.index(_item(core, call, table, named))
+    if call.console and selector.isdecimal() and int(selector) < len(table.items):
+        return int(selector)
+    return table.items.index(_item(core, call, table, selector))
 
 
 def _expire(core: Core, menu: str, item: StoredItem) -> None:
@@ -86,9 +86,9 @@ def _expire(core: Core, menu: str, item: StoredItem) -> None:
 def set_(core: Core, call: Call) -> CallResult:
     """Give rows new values; several rows at once are several actions."""
     table = core.store.table(call.menu)
-    known = core.schema.arguments(call.menu, "set") & {*table.args}
-    change = _given(core, table, call, known)
-    items = _selected(core, call, table)
+    argument_names = core.schema.arguments(call.menu, "set") & {*table.args}
+    change = _parse_arguments(core, table, call, argument_names)
+    items = _selected_items(core, call, table)
     _may_change(items)
     for item in items:
         _set_one(core, call, item, change, unset=call.unset)
@@ -99,7 +99,7 @@ def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str]
     values = {name: value for name, value in {**item.values, **change}.items() if name not in set(unset)}
     if values == item.values:
         return
-    complete(core, call.menu, values, changed=frozenset(change))
+    complete(core, call.menu, values, changed_names=frozenset(change))
     if values == item.values:
         return
     check(core, call.menu, values, item)
@@ -107,7 +107,7 @@ def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str]
     core.store.update(call.menu, item, values)
     if "name" in change and call.menu.startswith("/interface/") and core.deviates(Deviation.NAMES):
         core.first_names[change["name"]] = before["name"]
-    _checks.changed(core, call, item, before)
+    _checks.record_change(core, call, item, before)
 
 
 def unset(core: Core, call: Call) -> CallResult:
@@ -119,7 +119,7 @@ def unset(core: Core, call: Call) -> CallResult:
     names = call.arguments["value-name"].split(",")
     for name in names:
         _check_unset(table, name)
-    items = _selected(core, call, table)
+    items = _selected_items(core, call, table)
     _may_change(items)
     for item in items:
         _set_one(core, call, item, {}, unset=names)
@@ -136,12 +136,12 @@ def disable(core: Core, call: Call) -> CallResult:
     return _able(core, call, "yes")
 
 
-def _able(core: Core, call: Call, disabled: str) -> CallResult:
+def _able(core: Core, call: Call, disabled_value: str) -> CallResult:
     _only(core, call, set())
-    items = _selected(core, call, core.store.table(call.menu))
+    items = _selected_items(core, call, core.store.table(call.menu))
     _may_change(items)
     for item in items:
-        _set_one(core, call, item, {"disabled": disabled})
+        _set_one(core, call, item, {"disabled": disabled_value})
     return CallResult()
 
 
@@ -150,7 +150,7 @@ def comment(core: Core, call: Call) -> CallResult:
     _only(core, call, {"comment"})
     if "comment" not in call.arguments:
         raise MissingArgument("comment")
-    items = _selected(core, call, core.store.table(call.menu))
+    items = _selected_items(core, call, core.store.table(call.menu))
     _may_change(items)
     text = call.arguments["comment"]
     for item in items:
@@ -162,14 +162,14 @@ def remove(core: Core, call: Call) -> CallResult:
     """Remove rows; nothing is removed if one of them must stay."""
     _only(core, call, set())
     table = core.store.table(call.menu)
-    items = _selected(core, call, table)
+    items = _selected_items(core, call, table)
     _may_change(items)
     for item in items:
         if item.factory is not None:
             raise Trap("failure: cannot remove builtin")
         check_removal(core, call.menu, item)
     for item in items:
-        _checks.removed(core, call, item)
+        _checks.remove_row(core, call, item)
     return CallResult()
 
 
@@ -177,7 +177,7 @@ def move(core: Core, call: Call) -> CallResult:
     """Put rows before the row `destination`, or at the end."""
     _only(core, call, {"destination"})
     table = core.store.table(call.menu)
-    items = _selected(core, call, table)
+    items = _selected_items(core, call, table)
     _may_change(items)
     destination = call.arguments.get("destination")
     target = _item(core, call, table, destination) if destination else None
@@ -187,7 +187,7 @@ def move(core: Core, call: Call) -> CallResult:
         others = [other for other in table.items if other is not item]
         index = others.index(target) if target is not None else len(others)
         if table.items.index(item) != index:
-            _checks.moved(core, call, item, index)
+            _checks.move_row(core, call, item, index)
     return CallResult()
 
 
@@ -195,37 +195,37 @@ def check_rows(core: Core, call: Call) -> None:
     """Refuse a command that names rows which are not there."""
     table = core.store.table(call.menu)
     if table.menu.shape is not Shape.SETTINGS and not set(_SELECTORS).isdisjoint(call.arguments):
-        _selected(core, call, table)
+        _selected_items(core, call, table)
 
 
 # --- which rows ----------------------------------------------------------------------------------------------------
 
 
 def _only(core: Core, call: Call, names: set[str]) -> None:
-    known = core.schema.arguments(call.menu, call.command) | names | set(_SELECTORS)
+    argument_names = core.schema.arguments(call.menu, call.command) | names | set(_SELECTORS)
     for name in (*call.arguments, *call.unset):
-        if name not in known:
+        if name not in argument_names:
             raise unknown(name)
 
 
-def _selected(core: Core, call: Call, table: Table) -> list[StoredItem]:
+def _selected_items(core: Core, call: Call, table: Table) -> list[StoredItem]:
     """Return the rows that the call names; the one row of a settings menu needs no name."""
     if table.menu.shape is Shape.SETTINGS:
         if not table.items:
             core.store.insert(call.menu, {})
             core.store.changes.clear()
         return table.items[:1]
-    named = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
-    if named is None:
+    selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
+    if selector is None:
         raise MissingArgument(".id" if not call.console else "numbers")
-    found = [_item(core, call, table, part) for part in named.split(",") if part]
-    return list({item.id: item for item in found}.values())
+    items = [_item(core, call, table, part) for part in selector.split(",") if part]
+    return list({item.id: item for item in items}.values())
 
 
-def _item(core: Core, call: Call, table: Table, named: str) -> StoredItem:
-    item = located(core, table, named, console=call.console) or queue_row(core, table, named)
+def _item(core: Core, call: Call, table: Table, selector: str) -> StoredItem:
+    item = find_item(core, table, selector, console=call.console) or queue_row(core, table, selector)
     if item is None:
-        if any(row[".id"] == named for row in made_rows(core, call.menu)):
+        if any(row[".id"] == selector for row in made_rows(core, call.menu)):
             raise Trap(_BUILTIN)
         check_known(core, call.menu)
         raise no_such_item()
@@ -243,13 +243,15 @@ def queue_row(core: Core, table: Table, interface: str) -> StoredItem | None:
     return table.items[-1]
 
 
-def located(core: Core, table: Table, named: str, *, console: bool = False) -> StoredItem | None:
+def find_item(core: Core, table: Table, selector: str, *, console: bool = False) -> StoredItem | None:
     """Find a row by `*ID` or by what it is called; on the console also by number, as exports name builtin rows."""
-    if match := re.fullmatch(r"\*([0-9A-Fa-f]+)", named):
+    if match := re.fullmatch(r"\*([0-9A-Fa-f]+)", selector):
         return table.find(int(match[1], 16))
-    if console and named.isdecimal() and any(item.factory is not None for item in table.items):
-        return table.items[int(named)] if int(named) < len(table.items) else None
-    return next((item for item in table.items if core.store.text(table, item, table.menu.called) == named), None)
+    if console and selector.isdecimal() and any(item.factory is not None for item in table.items):
+        return table.items[int(selector)] if int(selector) < len(table.items) else None
+    return next(
+        (item for item in table.items if core.store.text(table, item, table.menu.name_property) == selector), None
+    )
 
 
 def _may_change(items: Iterable[StoredItem]) -> None:
@@ -261,8 +263,8 @@ def _may_change(items: Iterable[StoredItem]) -> None:
 # --- what they are given -------------------------------------------------------------------------------------------
 
 
-def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[str, str]:
-    names = set(known)
+def _parse_arguments(core: Core, table: Table, call: Call, argument_names: Iterable[str]) -> dict[str, str]:
+    names = set(argument_names)
     values: dict[str, str] = {}
     for name, text in call.arguments.items():
         if call.command != "add" and _selects(table, name):
@@ -272,7 +274,7 @@ def _given(core: Core, table: Table, call: Call, known: Iterable[str]) -> dict[s
         if name == "comment" and not text:
             call.unset = (*call.unset, name)
         elif name not in _PLACEMENT:
-            values[name] = _parsed(core, table, name, text)
+            values[name] = _parse_value(core, table, name, text)
     for name in call.unset:
         if name not in names:
             raise unknown(name)
@@ -290,7 +292,7 @@ def _fixed_name(table: Table, name: str) -> bool:
     return table.menu.path == "/ip/service" and name == "name"
 
 
-def _parsed(core: Core, table: Table, name: str, text: str) -> str:
+def _parse_value(core: Core, table: Table, name: str, text: str) -> str:
     try:
         return table.args[name].kind.parse(text, core.store)
     except BadValue as error:
@@ -302,5 +304,5 @@ def _check_unset(table: Table, name: str) -> None:
     arg = table.args.get(name)
     if arg is None:
         raise unknown(name)
-    if arg.required or (arg.default is not None and not table.menu.sparse):
+    if arg.is_required or (arg.default is not None and not table.menu.sparse):
         raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)

@@ -100,7 +100,7 @@ class Failure:
 class DoOnError:
     """`:do { ... } on-error={ ... }`: the second block runs where a command of the first one fails."""
 
-    tried: tuple[Statement, ...]
+    body: tuple[Statement, ...]
     rescue: tuple[Statement, ...]
 
 
@@ -177,9 +177,9 @@ class TextPart:
 
     def error(self, words: str, at: int | None = None) -> ConsoleError:
         """Make the error for a position, by default the present one."""
-        return ConsoleError(self.placed(words, self.at if at is None else at))
+        return ConsoleError(self.add_position(words, self.at if at is None else at))
 
-    def placed(self, words: str, at: int) -> str:
+    def add_position(self, words: str, at: int) -> str:
         """Return the words with line and column of a position; columns count bytes."""
         line = bisect_right(self._starts, at) - 1
         before = self.source[self._starts[line] : at]
@@ -266,25 +266,25 @@ class TextPart:
         return tuple(pieces)
 
     def _pieces(self, start: int) -> Iterator[str | Variable]:
-        found: list[str] = []
+        pieces: list[str] = []
         while self.peek() != '"':
             if self.at >= self.end:
                 raise self.error("syntax error", start)
             if self.peek() == "$":
-                yield _decoded(found)
-                found = []
+                yield _decode(pieces)
+                pieces = []
                 yield self.variable()
             else:
-                found.append(self.match(_PLAIN) or self._character())
-        yield _decoded(found)
+                pieces.append(self.match(_PLAIN) or self._character())
+        yield _decode(pieces)
 
     def variable(self) -> Variable:
         """Read `$name` or `$"name"`. Raises ConsoleError."""
         start = self.at
         self.at += 1
-        quoted = self.take('"')
-        name = self.match(_QUOTED_NAME if quoted else _VARIABLE)
-        if name is None or (quoted and not self.take('"')):
+        is_quoted = self.take('"')
+        name = self.match(_QUOTED_NAME if is_quoted else _VARIABLE)
+        if name is None or (is_quoted and not self.take('"')):
             raise self.error("syntax error", start)
         return Variable(name)
 
@@ -307,8 +307,8 @@ class TextPart:
         return _ESCAPES[char]
 
 
-def _decoded(found: list[str]) -> str:
-    return "".join(found).encode(errors="surrogateescape").decode(errors="surrogateescape")
+def _decode(pieces: list[str]) -> str:
+    return "".join(pieces).encode(errors="surrogateescape").decode(errors="surrogateescape")
 
 
 _SEGMENT = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")
@@ -415,18 +415,18 @@ class Parser:
 
     def _attempt(self) -> DoOnError:
         menu = self.menu
-        tried = self._block()
+        body = self._block()
         self.text.space()
         if self.text.match(_ON_ERROR) is None:
             raise self.text.error("syntax error")
-        attempt = DoOnError(tried, self._block())
+        attempt = DoOnError(body, self._block())
         self.menu = menu
         return attempt
 
     def _choice(self) -> IfStatement:
         menu = self.menu
         self._expect("(")
-        left = self._counted()
+        left = self._left_operand()
         self.text.space()
         sign = self.text.match(_COMPARISON)
         self.text.space()
@@ -466,7 +466,7 @@ class Parser:
         self.menu = menu
         return Each(names[1], names[2], tuple(texts), body)
 
-    def _counted(self) -> Variable | Find | MenuCommand:
+    def _left_operand(self) -> Variable | Find | MenuCommand:
         self.text.space()
         if self.text.peek() == "$":
             return self.text.variable()
@@ -567,13 +567,13 @@ class Parser:
         reads = rest is not None and _READS.search(rest[0]) is not None
         return on_board or not (reads or schema.at_least(UNSEEN_UNTIL.get(path, OLDEST_TREE)))
 
-    def _whole(self, word: str, known: Collection[str]) -> str:
+    def _whole(self, word: str, candidates: Collection[str]) -> str:
         """Return the word that is meant: a name may be cut short while only one begins like it.
 
         Of menus and commands recorded on 7.23.3, of arguments told by the manual (Command Line Interface, Quick
         Typing). One that several begin like is refused as one that nobody has. Assumption: console-ambiguous
         """
-        longer = [name for name in known if name.startswith(word)] if word not in known else []
+        longer = [name for name in candidates if name.startswith(word)] if word not in candidates else []
         guesses = self.core.deviates(Deviation.AMBIGUOUS)
         return longer[0] if len(longer) == 1 or (longer and guesses) else word
 
@@ -590,7 +590,7 @@ class Parser:
     def _bad_command(self, word: str, start: int) -> ConsoleError:
         """`:parse` returns code that holds the mistake, with the words from there on."""
         # On every version. Assumption: parse-words
-        words = self.text.placed(f"bad command name {word}", start)
+        words = self.text.add_position(f"bad command name {word}", start)
         rest = _REST.match(self.text.source, start)
         return ConsoleError(words, f"(<%% {words} {';'.join(re.split(r'[/ ]+', rest[0].strip() if rest else word))})")
 
@@ -599,12 +599,12 @@ class Parser:
         # Recorded on 7.22.1 and on 7.23rc1 to 7.23.3; others answer as the next of these. Assumption: parse-words
         if not self.core.schema.at_least("7.23beta1"):
             return self.text.error("expected end of command", start)
-        words = self.text.placed(f"bad parameter {name}", start + len(name))
+        words = self.text.add_position(f"bad parameter {name}", start + len(name))
         path = f"{command.menu.rstrip('/')}/{command.name}"
         # Of a first argument the column is behind its name, of a later one before it, as in four records.
         # Wherever there is no record: Assumption: parse-words
         column = start if command.arguments else start + len(name)
-        return ConsoleError(words, f"(evl {self.text.placed(f'bad parameter {name}', column)} {path})")
+        return ConsoleError(words, f"(evl {self.text.add_position(f'bad parameter {name}', column)} {path})")
 
     def _arguments(self, command: MenuCommand) -> None:
         """Read the rest of the command; brackets in it begin in the command's own menu."""
@@ -616,7 +616,7 @@ class Parser:
         self.menu = outer
 
     def _plain_arguments(self, command: MenuCommand) -> None:
-        known = self._known(command)
+        argument_names = self._argument_names(command)
         positional = list(_POSITIONAL.get(command.name, ()))
         if command.name == "get" and "number" not in self.core.schema.arguments(command.menu, "get"):
             positional.remove("number")  # settings have no rows: `get name`
@@ -624,35 +624,35 @@ class Parser:
         while self._more():
             start = self.text.at
             if (unset := self.text.match(_UNSET)) is not None:
-                whole = self._whole(unset[1:], known)
-                self._check(command, whole, known, start)
+                whole = self._whole(unset[1:], argument_names)
+                self._check(command, whole, argument_names, start)
                 command.unset.append(whole)
             elif (name := self.text.match(_NAME)) is not None:
-                name = self._whole(f"{group}{name}" if name.startswith(".") else name, known)
+                name = self._whole(f"{group}{name}" if name.startswith(".") else name, argument_names)
                 group = name.rpartition(".")[0]
-                self._check(command, name, known, start)
-                command.arguments[name] = self._given(command, name)
+                self._check(command, name, argument_names, start)
+                command.arguments[name] = self._argument_value(command, name)
             elif command.name == "print" and self._where(command):
                 return
             else:
-                self._positional(command, known, positional, start)
+                self._positional(command, argument_names, positional, start)
 
-    def _known(self, command: MenuCommand) -> frozenset[str]:
-        known = self.core.schema.arguments(command.menu, command.name)
+    def _argument_names(self, command: MenuCommand) -> frozenset[str]:
+        names = self.core.schema.arguments(command.menu, command.name)
         if command.name in ("add", "set"):
             table = self.core.store.table(command.menu)
-            known &= {*table.args, "numbers", "copy-from", "place-before"}
-        return known
+            names &= {*table.args, "numbers", "copy-from", "place-before"}
+        return names
 
     def _more(self) -> bool:
         self.text.space()
         return self.text.peek() not in ("\n", ";", "]", "}", "")
 
-    def _check(self, command: MenuCommand, name: str, known: frozenset[str], start: int) -> None:
-        if name not in known:
+    def _check(self, command: MenuCommand, name: str, argument_names: frozenset[str], start: int) -> None:
+        if name not in argument_names:
             raise self._bad_parameter(command, name, start)
 
-    def _given(self, command: MenuCommand, name: str) -> str | Template | Find | MenuCommand:
+    def _argument_value(self, command: MenuCommand, name: str) -> str | Template | Find | MenuCommand:
         """Read `=value` behind a name. A flag takes none, which only a run says, not `:parse` (7.22.1, 7.23)."""
         arg = self._arg(command, name)
         if arg is not None and isinstance(arg.kind, FlagValue) and not self.only_code:
@@ -663,23 +663,25 @@ class Parser:
         if not isinstance(value, str) or arg is None:
             return value
         try:
-            typed = arg.kind.typed(value)
-            return arg.kind.code(typed) if self.only_code else typed
+            normal_value = arg.kind.normalise(value)
+            return arg.kind.code(normal_value) if self.only_code else normal_value
         except BadValue as error:
             raise self.text.error("syntax error", start) from error
 
     def _arg(self, command: MenuCommand, name: str) -> Arg | None:
         return self.core.store.table(command.menu).args.get(name) if command.name in ("add", "set") else None
 
-    def _positional(self, command: MenuCommand, known: frozenset[str], positional: list[str], start: int) -> None:
+    def _positional(
+        self, command: MenuCommand, argument_names: frozenset[str], positional: list[str], start: int
+    ) -> None:
         if positional:
             command.arguments[positional.pop(0)] = self._value()
             return
         word = self.text.match(_SEGMENT)
         if word is None:
             raise self.text.error("syntax error", start)
-        word = self._whole(word, known)
-        self._check(command, word, known, start)
+        word = self._whole(word, argument_names)
+        self._check(command, word, argument_names, start)
         if self.text.peek() == "=":
             raise self.text.error("syntax error")
         command.arguments[word] = ""
@@ -731,13 +733,13 @@ class Parser:
 
     def _condition(self) -> Condition:
         start = self.text.at
-        negated = self.text.take("!")
+        is_negated = self.text.take("!")
         name = self.text.match(_PROPERTY)
         if name is None:
             raise self.text.error("syntax error", start)
         sign = self.text.match(_SIGN)
         if sign is None:
-            return Condition(name, negated=negated)
-        quoted = self.text.peek() == '"'
+            return Condition(name, is_negated=is_negated)
+        is_quoted = self.text.peek() == '"'
         value = self.text.value()
-        return Condition(name, sign, value, negated, possible=quoted or re.search("[/:]", value) is None)
+        return Condition(name, sign, value, is_negated, possible=is_quoted or re.search("[/:]", value) is None)

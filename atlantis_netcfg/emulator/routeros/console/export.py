@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import INACTIVE, allowed
+from atlantis_netcfg.emulator.routeros.access import INACTIVE, is_allowed
 from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
 from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, references, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
@@ -60,10 +60,10 @@ def header(core: Core) -> tuple[str, ...]:
 
 
 def _paths(core: Core, menu: str) -> list[str]:
-    known = [path for path, table in core.store.tables.items() if table.menu.exported]
-    desired = [path for path in known if menu in ("/", path) or path.startswith(f"{menu}/")]
+    exported_paths = [path for path, table in core.store.tables.items() if table.menu.is_exported]
+    selected_paths = [path for path in exported_paths if menu in ("/", path) or path.startswith(f"{menu}/")]
     places = {path: place for place, path in enumerate(EXPORT_ORDER)}
-    usual = sorted(desired, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
+    usual = sorted(selected_paths, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
     return _after_what_they_name(core, usual)
 
 
@@ -75,9 +75,9 @@ def _after_what_they_name(core: Core, usual: list[str]) -> list[str]:
     order: dict[str, None] = {}
 
     def put(path: str, above: tuple[str, ...] = ()) -> None:
-        named = _named(core, core.store.table(path))
+        referenced_menus = _referenced_menus(core, core.store.table(path))
         for other in usual:
-            if other in named and other not in (*above, path, *order):
+            if other in referenced_menus and other not in (*above, path, *order):
                 put(other, (*above, path))
         order.setdefault(path)
 
@@ -86,14 +86,14 @@ def _after_what_they_name(core: Core, usual: list[str]) -> list[str]:
     return list(order)
 
 
-def _named(core: Core, table: Table) -> set[str]:
+def _referenced_menus(core: Core, table: Table) -> set[str]:
     """Return the menus whose rows the exported rows of a table name."""
     rows = {
         row
         for item in table.items
-        for name, stored in item.values.items()
-        for row in references(stored)
-        if not item.dynamic and (arg := table.args.get(name)) and _differs(table, item, arg, spell(stored, core.store))
+        for name, value in item.values.items()
+        for row in references(value)
+        if not item.dynamic and (arg := table.args.get(name)) and _differs(table, item, arg, spell(value, core.store))
     }
     return {
         other.menu.path
@@ -133,12 +133,12 @@ def _set(core: Core, table: Table, item: StoredItem, position: int, values: Valu
     if select is Select.FIND_NAME:
         return Statement(path, "set", values, find=(("name", factory["name"]),))
     if select is Select.NAME:
-        return Statement(path, "set", values, target=core.store.text(table, item, table.menu.called))
+        return Statement(path, "set", values, target=core.store.text(table, item, table.menu.name_property))
     return Statement(path, "set", values, target=str(position) if item.factory is not None else id_text(item.id))
 
 
 def _comments(core: Core, path: str) -> tuple[str, ...]:
-    return (INACTIVE,) if path == "/system/scheduler" and not allowed(core.spec, "scheduler") else ()
+    return (INACTIVE,) if path == "/system/scheduler" and not is_allowed(core.spec, "scheduler") else ()
 
 
 def _values(
@@ -146,14 +146,14 @@ def _values(
 ) -> Iterator[tuple[str, str | None]]:
     """Yield names and values in alphabetical order; None is `!name`."""
     for name, arg in sorted(table.args.items()):
-        if not arg.exported or arg.never or (arg.secret and not sensitive):
+        if not arg.is_exported or arg.never or (arg.secret and not sensitive):
             continue
         if not applies(core.store, table, item, arg):
             continue
-        stored = item.values.get(name)
-        value = spell(stored, core.store) if stored is not None else arg.default
+        stored_value = item.values.get(name)
+        value = spell(stored_value, core.store) if stored_value is not None else arg.default
         if verbose or _differs(table, item, arg, value):
-            yield from _shown(arg, value, item)
+            yield from _argument_pairs(arg, value, item)
 
 
 def _differs(table: Table, item: StoredItem, arg: Arg, value: str | None) -> bool:
@@ -164,9 +164,9 @@ def _differs(table: Table, item: StoredItem, arg: Arg, value: str | None) -> boo
     return always or value != usual
 
 
-def _shown(arg: Arg, value: str | None, item: StoredItem) -> Iterator[tuple[str, str | None]]:
+def _argument_pairs(arg: Arg, value: str | None, item: StoredItem) -> Iterator[tuple[str, str | None]]:
     if value is not None:
-        yield arg.name, arg.kind.exported(value)
+        yield arg.name, arg.kind.export(value)
     elif arg.name == "comment":
         if item.factory is not None and "comment" in item.factory:
             yield arg.name, ""

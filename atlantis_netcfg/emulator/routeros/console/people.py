@@ -57,7 +57,7 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     "/user/active": ("when", "name", "address", "via"),
 }
 
-DETAILED = frozenset(
+DETAILED_MENUS = frozenset(
     {
         "/interface/bridge",
         "/interface/lte",
@@ -101,7 +101,7 @@ FLAGS: dict[str, str] = {
 }
 """Letter by property; those that are true stand before the row in this order."""
 
-QUOTED = frozenset(
+QUOTED_NAMES = frozenset(
     {
         "by",
         "comment",
@@ -147,42 +147,42 @@ class PrintView:
 
     menu: str
     words: frozenset[str]
-    wanted: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
     width: int | None = None
 
 
-def shown(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
+def render_print(core: Core, view: PrintView, rows: Sequence[Row]) -> list[str]:
     """The lines of a print."""
     v7 = core.schema.at_least("7.0")
     if _single(core, view.menu):
-        return _values(rows[0] if rows else {}, view, padded=core.schema.at_least("7.18"))
+        return _values(rows[0] if rows else {}, view, is_padded=core.schema.at_least("7.18"))
     if view.menu == "/log" and not view.words & {"detail", "terse"}:
         return [f" {row['time'].rpartition(' ')[2]} {row['topics']} {row['message']} " for row in rows]
     flags = tuple(name for name in FLAGS if any(row.get(name) in ("true", "false") for row in rows))
     if "terse" in view.words:
         return [_terse(number, row, flags, view) for number, row in enumerate(rows)]
-    if "detail" in view.words or (view.menu in DETAILED and "brief" not in view.words):
+    if "detail" in view.words or (view.menu in DETAILED_MENUS and "brief" not in view.words):
         return [*_legend(rows, flags, upper=False, all_flags=True), *_details(rows, flags, view)]
     table = _table7 if v7 else _table6
-    return table(rows, flags, view, columns_of(core, view.menu) if not view.wanted else view.wanted)
+    return table(rows, flags, view, columns_of(core, view.menu) if not view.columns else view.columns)
 
 
-def summed(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]:
+def as_value_rows(core: Core, view: PrintView, rows: Sequence[Row]) -> list[Row]:
     """The properties that `as-value` returns: those named, or with `detail` all, or what a table shows."""
-    if view.wanted:
-        return [{name: value for name, value in row.items() if name in (".id", *view.wanted)} for row in rows]
+    if view.columns:
+        return [{name: value for name, value in row.items() if name in (".id", *view.columns)} for row in rows]
     if view.words & {"detail", "stats"} or _single(core, view.menu):
         return list(rows)
     names = (".id", *columns_of(core, view.menu), "comment")
     return [{name: row[name] for name in names if name in row} for row in rows]
 
 
-def reported(command: str, rows: Sequence[Row]) -> list[str]:
+def render_report(command: str, rows: Sequence[Row]) -> list[str]:
     """What a command that is no print shows of its rows: a line for each echo, else values under each other."""
     if command == "ping" and rows:
         return _echoes(rows)
     view = PrintView("", frozenset())
-    return [line for row in rows for line in _values(row, view, padded=False)]
+    return [line for row in rows for line in _values(row, view, is_padded=False)]
 
 
 def _echoes(rows: Sequence[Row]) -> list[str]:
@@ -201,14 +201,14 @@ def columns_of(core: Core, menu: str) -> tuple[str, ...]:
     if menu in COLUMNS:
         return COLUMNS[menu]
     names = list(core.store.table(menu).args) if menu in core.store.tables else []
-    known = [name for name in names if name not in ("comment", "disabled")]
-    return tuple(dict.fromkeys([*(("name",) if "name" in known else ()), *known]))[:_WIDEST]
+    visible_names = [name for name in names if name not in ("comment", "disabled")]
+    return tuple(dict.fromkeys([*(("name",) if "name" in visible_names else ()), *visible_names]))[:_WIDEST]
 
 
 def _single(core: Core, menu: str) -> bool:
-    from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED  # noqa: PLC0415 - that module reads the console's files
+    from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS  # noqa: PLC0415 - that module reads the console's files
 
-    if menu in COMPUTED:
+    if menu in COMPUTED_MENUS:
         return menu not in COLUMNS
     return core.store.table(menu).menu.shape is Shape.SETTINGS
 
@@ -216,7 +216,7 @@ def _single(core: Core, menu: str) -> bool:
 # --- values --------------------------------------------------------------------------------------------------------
 
 
-def _spelled(name: str, value: str) -> str:
+def _render_value(name: str, value: str) -> str:
     """A value as a person reads it."""
     if value in ("true", "false"):
         return "yes" if value == "true" else "no"
@@ -233,30 +233,32 @@ def _size(number: float) -> str:
     return ""
 
 
-def _values(row: Row, view: PrintView, *, padded: bool) -> list[str]:
+def _values(row: Row, view: PrintView, *, is_padded: bool) -> list[str]:
     """Settings: names flush right, and from 7.18 values of one width and an empty line below."""
-    pairs = [(name, _spelled(name, value)) for name, value in row.items() if not view.wanted or name in view.wanted]
+    pairs = [
+        (name, _render_value(name, value)) for name, value in row.items() if not view.columns or name in view.columns
+    ]
     width = max((len(name) for name, _ in pairs), default=0) + 2
-    longest = max((len(value) for _, value in pairs), default=0) if padded else 0
+    longest = max((len(value) for _, value in pairs), default=0) if is_padded else 0
     lines = [f"{name:>{width}}: {value:<{longest}}" for name, value in pairs]
-    return [*lines, ""] if padded else lines
+    return [*lines, ""] if is_padded else lines
 
 
 # --- rows ----------------------------------------------------------------------------------------------------------
 
 
 def _legend(rows: Sequence[Row], flags: tuple[str, ...], *, upper: bool, all_flags: bool) -> list[str]:
-    named = [name for name in flags if all_flags or any(row.get(name) == "true" for row in rows)]
-    if not named:
+    flag_names = [name for name in flags if all_flags or any(row.get(name) == "true" for row in rows)]
+    if not flag_names:
         return []
-    return ["Flags: " + ", ".join(f"{FLAGS[name]} - {name.upper() if upper else name}" for name in named)]
+    return ["Flags: " + ", ".join(f"{FLAGS[name]} - {name.upper() if upper else name}" for name in flag_names)]
 
 
 def _properties(row: Row, flags: tuple[str, ...], view: PrintView) -> Iterator[tuple[str, str]]:
     for name, value in row.items():
-        if name in flags or name in (".id", "comment", ".about") or (view.wanted and name not in view.wanted):
+        if name in flags or name in (".id", "comment", ".about") or (view.columns and name not in view.columns):
             continue
-        yield name, _spelled(name, value)
+        yield name, _render_value(name, value)
 
 
 def _terse(number: int, row: Row, flags: tuple[str, ...], view: PrintView) -> str:
@@ -272,21 +274,21 @@ def _details(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView) -> li
     lines: list[str] = []
     for number, row in enumerate(rows):
         head = f"{number:>2} {flag_letters(row, flags):<{most}} " if most else f"{number:>2} "
-        text = " ".join(f"{name}={_quoted(name, value)}" for name, value in _properties(row, flags, view))
+        text = " ".join(f"{name}={_quote(name, value)}" for name, value in _properties(row, flags, view))
         if row.get("comment"):
             lines.append(f"{head};;; {row['comment']}")
             head = " " * len(head)
-        lines += _wrapped(head, text, view.width or _WIDE)
+        lines += _wrap(head, text, view.width or _WIDE)
         lines.append("")
     return lines
 
 
-def _quoted(name: str, value: str) -> str:
-    return f'"{value}"' if name in QUOTED or " " in value else value
+def _quote(name: str, value: str) -> str:
+    return f'"{value}"' if name in QUOTED_NAMES or " " in value else value
 
 
-def _wrapped(head: str, text: str, width: int) -> list[str]:
-    folded = textwrap.wrap(
+def _wrap(head: str, text: str, width: int) -> list[str]:
+    lines = textwrap.wrap(
         text,
         max(width - 1, len(head) + 8),
         initial_indent=head,
@@ -294,11 +296,11 @@ def _wrapped(head: str, text: str, width: int) -> list[str]:
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return folded or [head]
+    return lines or [head]
 
 
 def _cells(rows: Sequence[Row], names: Sequence[str]) -> list[list[str]]:
-    return [[_spelled(name, row.get(name, "")) for name in names] for row in rows]
+    return [[_render_value(name, row.get(name, "")) for name in names] for row in rows]
 
 
 def _table7(rows: Sequence[Row], flags: tuple[str, ...], view: PrintView, columns: Sequence[str]) -> list[str]:

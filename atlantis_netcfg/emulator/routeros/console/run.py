@@ -31,7 +31,7 @@ from atlantis_netcfg.emulator.routeros.console._parse import (
     TextPart,
     Variable,
 )
-from atlantis_netcfg.emulator.routeros.console.people import PrintView, reported, shown, summed
+from atlantis_netcfg.emulator.routeros.console.people import PrintView, as_value_rows, render_print, render_report
 from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import seconds
@@ -50,9 +50,17 @@ _COMPARE: dict[str, Callable[[int, int], bool]] = {
     ">=": operator.ge,
 }
 _PARSED_SCRIPTS = 64
-_ADOPTED = ("/certificate", "/file", "/interface/ethernet", "/ip/address", "/ip/service", "/system/identity", "/user")
+_ADOPTION_MENUS = (
+    "/certificate",
+    "/file",
+    "/interface/ethernet",
+    "/ip/address",
+    "/ip/service",
+    "/system/identity",
+    "/user",
+)
 """Menus that adoption changes."""
-_REFUSED = (
+_REFUSALS = (
     *("expected end of command", "expected item id", "failure: ", "input does not match any value", "invalid value"),
     *("missing value", "no such item", "syntax error", "unknown parameter", "value of "),
 )
@@ -65,9 +73,9 @@ class ScriptOutcome:
 
     lines: list[str] = field(default_factory=list)
     error: str | None = None
-    paged: bool = False
+    is_paged: bool = False
     """A screen would hold it back page by page."""
-    returned: str | None = None
+    return_text: str | None = None
     """The words of the error as `/execute as-string` returns them."""
 
     @property
@@ -78,7 +86,7 @@ class ScriptOutcome:
     @property
     def as_string(self) -> str:
         """What `/execute as-string` returns."""
-        return self.output if self.returned is None else "\n".join([*self.lines, self.returned])
+        return self.output if self.return_text is None else "\n".join([*self.lines, self.return_text])
 
 
 def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, str] | None = None) -> ScriptOutcome:
@@ -93,15 +101,15 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
         core.script_cache.clear()
     core.script_cache[script] = statements
     runner = _run(core, caller, statements, outcome, variables=variables)
-    if outcome.error is not None and runner.failed is not None:
-        outcome.returned = _placed(core, outcome.error, runner.failed)
+    if outcome.error is not None and runner.failed_command is not None:
+        outcome.return_text = _add_position(core, outcome.error, runner.failed_command)
     return outcome
 
 
-def _placed(core: Core, words: str, failed: MenuCommand) -> str:
+def _add_position(core: Core, words: str, command: MenuCommand) -> str:
     """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
     missing = words.startswith("missing value(s)")
-    place = f" ({failed.menu.rstrip('/')}/{failed.name}; line {failed.line})"
+    place = f" ({command.menu.rstrip('/')}/{command.name}; line {command.line})"
     return f"{'Script Error: ' if missing else ''}{words}{place if core.schema.at_least('7.22') or not missing else ''}"
 
 
@@ -137,13 +145,13 @@ def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
     return outcome
 
 
-def _refusal_words(core: Core, words: str, failed: MenuCommand | None = None) -> str:
+def _refusal_words(core: Core, words: str, command: MenuCommand | None = None) -> str:
     """Return the words of a refusal; of RouterOS 6 only those that adoption may meet are known.
 
     No command tree of it is published, so that a name or value which the oldest tree lacks may be one that it has.
     """
-    known = core.schema.at_least("7.0") or (failed is not None and failed.menu in _ADOPTED)
-    return words if known or not words.startswith(_REFUSED) else f"not rehearsed by the twin: RouterOS 6: {words}"
+    is_known = core.schema.at_least("7.0") or (command is not None and command.menu in _ADOPTION_MENUS)
+    return words if is_known or not words.startswith(_REFUSALS) else f"not rehearsed by the twin: RouterOS 6: {words}"
 
 
 def check_syntax(core: Core, text: str) -> str | None:
@@ -168,10 +176,10 @@ def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words
         try:
             outcome.lines.extend(runner.run(statement))
         except MissingArgument as error:
-            outcome.error = _refusal_words(core, error.console, runner.failed)
+            outcome.error = _refusal_words(core, error.console, runner.failed_command)
         except Trap as error:
-            outcome.error = _refusal_words(core, error.message, runner.failed)
-        outcome.paged = runner.paged
+            outcome.error = _refusal_words(core, error.message, runner.failed_command)
+        outcome.is_paged = runner.is_paged
         if outcome.error is not None and not core.deviates(Deviation.SCRIPT_GOES_ON):
             break
     return runner
@@ -183,43 +191,43 @@ class _Runner:
     caller: Caller
     width: int | None
     variables: dict[str, str]
-    paged: bool = False
+    is_paged: bool = False
     """Somebody may want to read it page by page."""
-    failed: MenuCommand | None = None
+    failed_command: MenuCommand | None = None
     """The command that stopped it."""
 
     def run(self, statement: Statement) -> list[str]:
         if isinstance(statement, DoOnError):
             return self._attempt(statement)
         if isinstance(statement, IfStatement):
-            chosen = statement.then if self._holds(statement) else statement.otherwise
-            return [line for inner in chosen for line in self.run(inner)]
+            branch = statement.then if self._holds(statement) else statement.otherwise
+            return [line for inner in branch for line in self.run(inner)]
         if isinstance(statement, LocalVariable):
-            self.variables[statement.name] = self._returned(statement.value)
+            self.variables[statement.name] = self._evaluate(statement.value)
             return []
         if isinstance(statement, Each):
             return self._each(statement)
         if isinstance(statement, Failure):
-            self.failed = None
-            raise Trap(f"{self._filled(statement.text)} (:error; line {statement.line})")
+            self.failed_command = None
+            raise Trap(f"{self._fill(statement.text)} (:error; line {statement.line})")
         if isinstance(statement, Put):
             return self._put(statement.what)
         return self._command(statement)[1]
 
     def _put(self, what: Template | MenuCommand | Find | Parse) -> list[str]:
         if isinstance(what, Parse):
-            return [_code(self.core, self._filled(what.text))]
-        return [self._filled(what) if isinstance(what, tuple) else self._returned(what)]
+            return [_code(self.core, self._fill(what.text))]
+        return [self._fill(what) if isinstance(what, tuple) else self._evaluate(what)]
 
     def _each(self, each: Each) -> list[str]:
         lines: list[str] = []
         for index, text in enumerate(each.texts):
-            self.variables |= {each.index: str(index), each.value: self._filled(text)}
+            self.variables |= {each.index: str(index), each.value: self._fill(text)}
             for statement in each.body:
                 lines += self.run(statement)
         return lines
 
-    def _filled(self, text: Template) -> str:
+    def _fill(self, text: Template) -> str:
         """Put in the variables; one that nobody has set is nothing."""
         return "".join(self.variables.get(part.name, "") if isinstance(part, Variable) else part for part in text)
 
@@ -227,7 +235,7 @@ class _Runner:
         """Run a block until a command fails, then the other one; what was done before the failure stays."""
         lines: list[str] = []
         try:
-            for statement in attempt.tried:
+            for statement in attempt.body:
                 lines += self.run(statement)
         except Trap:
             for statement in attempt.rescue:
@@ -240,65 +248,65 @@ class _Runner:
         Assumption: use-uptime-compares
         """
         if isinstance(choice.left, Find) and isinstance(choice.right, int):
-            return _COMPARE[choice.sign](len(self._found(choice.left)), choice.right)
+            return _COMPARE[choice.sign](len(self._find_ids(choice.left)), choice.right)
         if isinstance(choice.left, MenuCommand) and isinstance(choice.right, int):
-            spent = seconds(self._returned(choice.left))
-            return spent is not None and _COMPARE[choice.sign](int(spent), choice.right)
+            elapsed_s = seconds(self._evaluate(choice.left))
+            return elapsed_s is not None and _COMPARE[choice.sign](int(elapsed_s), choice.right)
         value = self.variables.get(choice.left.name, "") if isinstance(choice.left, Variable) else ""
         if isinstance(choice.right, str):
             return re.search(choice.right, value) is not None
         return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
-    def _returned(self, what: MenuCommand | Find) -> str:
+    def _evaluate(self, what: MenuCommand | Find) -> str:
         """Return what stands for `[...]`: ids of rows, a property, a count."""
         if isinstance(what, Find):
-            return ";".join(self._found(what))
+            return ";".join(self._find_ids(what))
         return self._command(what)[0]
 
-    def _found(self, find: Find) -> list[str]:
+    def _find_ids(self, find: Find) -> list[str]:
         call = Call(self.caller, find.menu, "find", console=True)
         return select(self.core, call, find.where)
 
     def _command(self, command: MenuCommand) -> tuple[str, list[str]]:
-        self.failed = None
+        self.failed_command = None
         try:
-            return self._done(command)
+            return self._execute(command)
         except Trap:
-            self.failed = self.failed or command
+            self.failed_command = self.failed_command or command
             raise
 
-    def _done(self, command: MenuCommand) -> tuple[str, list[str]]:
+    def _execute(self, command: MenuCommand) -> tuple[str, list[str]]:
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
         for name in _NUMBERS & set(arguments) if self.width is not None else ():
-            arguments[name] = self._numbered(command.menu, arguments[name])
+            arguments[name] = self._resolve_numbers(command.menu, arguments[name])
         call = Call(self.caller, command.menu, command.name, arguments, tuple(command.unset), console=True)
         if command.name == "print":
             return self._print(call, command.where)
         result = self.core.dispatch(self.core, call)
         if "as-value" in arguments:
             return _as_value(result.rows), []
-        return result.ret or "", [*result.text.splitlines(), *reported(call.command, result.rows)]
+        return result.ret or "", [*result.text.splitlines(), *render_report(call.command, result.rows)]
 
-    def _numbered(self, menu: str, value: str) -> str:
+    def _resolve_numbers(self, menu: str, value: str) -> str:
         """Ids for the row numbers that this session has seen; scripts know none (Manual, Console: Item numbers)."""
-        seen = self.core.numbered.get((self.caller.number, menu), [])
+        row_ids = self.core.numbered.get((self.caller.number, menu), [])
         parts = value.split(",")
-        if not all(part.isdecimal() and int(part) < len(seen) for part in parts):
+        if not all(part.isdecimal() and int(part) < len(row_ids) for part in parts):
             return value
-        return ",".join(seen[int(part)] for part in parts)
+        return ",".join(row_ids[int(part)] for part in parts)
 
     def _argument(self, value: str | Template | Find | MenuCommand) -> str:
         if isinstance(value, str):
             return value
         if isinstance(value, tuple):
-            return self._filled(value)
+            return self._fill(value)
         if isinstance(value, MenuCommand):
-            return self._returned(value)
-        found = self._found(value)
-        if not found:
+            return self._evaluate(value)
+        ids = self._find_ids(value)
+        if not ids:
             check_known(self.core, value.menu)
             raise Trap("expected item id")
-        return ",".join(found)
+        return ",".join(ids)
 
     def _print(self, call: Call, where: Where) -> tuple[str, list[str]]:
         """What it returns within brackets, and what people see of it.
@@ -306,20 +314,20 @@ class _Runner:
         `as-value` shows nothing to people, and without `detail` it returns what a table shows (tik4net,
         Docs/findings-cli.md).
         """
-        found = [row for row in all_rows(self.core, call) if fits(row, where)]
+        matching_rows = [row for row in all_rows(self.core, call) if fits(row, where)]
         words = frozenset(call.arguments)
         if "count-only" in words:
-            return str(len(found)), [str(len(found))]
+            return str(len(matching_rows)), [str(len(matching_rows))]
         if "stats" not in words:
-            found = [without_counters(row) for row in found]
-        desired = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
-        view = PrintView(call.menu, words, desired if desired != ("",) else (), self.width)
+            matching_rows = [without_counters(row) for row in matching_rows]
+        columns = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
+        view = PrintView(call.menu, words, columns if columns != ("",) else (), self.width)
         if "as-value" in words:
-            return _as_value(summed(self.core, view, found)), []
+            return _as_value(as_value_rows(self.core, view, matching_rows)), []
         if self.width is not None:
-            self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in found]
-        self.paged = self.paged or "without-paging" not in words
-        return "", shown(self.core, view, found)
+            self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in matching_rows]
+        self.is_paged = self.is_paged or "without-paging" not in words
+        return "", render_print(self.core, view, matching_rows)
 
 
 def _as_value(rows: list[dict[str, str]]) -> str:

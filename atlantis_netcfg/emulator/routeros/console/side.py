@@ -24,42 +24,44 @@ REBOOT = "Reboot, yes? [y/N]:"
 _REBOOTING = "system will reboot shortly"
 _REBOOT = re.compile(r"/?system[ /]+reboot")
 HIJACK = "Hijacking Safe Mode from someone - unroll/release/don't take it [u/r/d]:"
-_TAKEN, _RELEASED = "[Safe Mode taken]", "[Safe Mode released]"
+_TAKEN_MESSAGE, _RELEASED_MESSAGE = "[Safe Mode taken]", "[Safe Mode released]"
 _QUITS = ("quit", "/quit")
 
 
 @dataclass(frozen=True, slots=True)
-class Printed:
+class ConsoleReply:
     """What the console answers: lines, whether the line failed, and how it goes on."""
 
     text: str = ""
-    failed: bool = False
-    paged: bool = False
+    has_failed: bool = False
+    is_paged: bool = False
     """A screen holds it back page by page: it came from `print`."""
     asks: str = ""
     """A question stands open; nothing has happened yet."""
     over: bool = False
     """The session ends."""
-    quitted: bool = False
+    has_quit: bool = False
     """It ends by `/quit`: what was done in safe mode stays."""
 
 
-def handle_line(core: Core, caller: Caller, line: str, *, width: int | None = None, confirmed: bool = False) -> Printed:
+def handle_line(
+    core: Core, caller: Caller, line: str, *, width: int | None = None, is_confirmed: bool = False
+) -> ConsoleReply:
     """Run a line where the caller's prompt stands, and move the prompt if the line was a path."""
-    stripped = line.strip()
-    if width is not None and not confirmed and _REBOOT.fullmatch(stripped):
-        return Printed(asks=REBOOT)
-    if stripped in _QUITS:
-        return Printed(text="interrupted", over=True, quitted=True)
+    command = line.strip()
+    if width is not None and not is_confirmed and _REBOOT.fullmatch(command):
+        return ConsoleReply(asks=REBOOT)
+    if command in _QUITS:
+        return ConsoleReply(text="interrupted", over=True, has_quit=True)
     menu = core.menus.get(caller.number, "/")
-    if stripped == "..":
+    if command == "..":
         core.menus[caller.number] = menu.rpartition("/")[0] or "/"
-        return Printed()
-    if _REBOOT.fullmatch(stripped):
-        failed = run_line(core, caller, line, menu)[0].error
-        return Printed(failed or _REBOOTING, failed=failed is not None)
+        return ConsoleReply()
+    if _REBOOT.fullmatch(command):
+        error = run_line(core, caller, line, menu)[0].error
+        return ConsoleReply(error or _REBOOTING, has_failed=error is not None)
     outcome, core.menus[caller.number] = run_line(core, caller, line, menu, width=width)
-    return Printed(outcome.output, failed=outcome.error is not None, paged=outcome.paged)
+    return ConsoleReply(outcome.output, has_failed=outcome.error is not None, is_paged=outcome.is_paged)
 
 
 def prompt(core: Core, caller: Caller) -> str:
@@ -78,15 +80,15 @@ def holds(core: Core, caller: Caller) -> bool:
     return core.history.holder is not None and core.history.holder.number == caller.number
 
 
-def safe_key(core: Core, caller: Caller, choice: str) -> Printed:
+def safe_key(core: Core, caller: Caller, choice: str) -> ConsoleReply:
     """Take safe mode, release it, or ask what to do about somebody else's."""
     history = core.history
     if holds(core, caller):
         history.release()
         core.note("system,info", f"safe mode released by {caller.user}")
-        return Printed(_RELEASED)
+        return ConsoleReply(_RELEASED_MESSAGE)
     if history.holder is not None and choice not in ("u", "r"):
-        return Printed() if choice else Printed(asks=HIJACK)
+        return ConsoleReply() if choice else ConsoleReply(asks=HIJACK)
     if history.holder is not None:
         notify_holder_lost(core, caller)
         if choice == "u":
@@ -95,7 +97,7 @@ def safe_key(core: Core, caller: Caller, choice: str) -> Printed:
             history.release()
     history.take(caller)
     core.note("system,info", f"safe mode taken by {caller.user}")
-    return Printed(_TAKEN)
+    return ConsoleReply(_TAKEN_MESSAGE)
 
 
 _DEFAULTS_OFF = """/ip dns set allow-remote-requests=no
@@ -114,27 +116,27 @@ class ConsoleBackend:
         """Do what has become due."""
         raise NotImplementedError
 
-    def type(self, caller: Caller, line: str, *, width: int | None = None, confirmed: bool = False) -> Printed:
+    def type(self, caller: Caller, line: str, *, width: int | None = None, is_confirmed: bool = False) -> ConsoleReply:
         """Run one line in the caller's console session.
 
-        `width` is his screen's, in columns; None is the exec channel's. `confirmed`: its question was answered with
+        `width` is his screen's, in columns; None is the exec channel's. `is_confirmed`: its question was answered with
         yes. A line that nobody can answer (exec, scripts) asks nothing.
         """
         self.tick()
-        printed = handle_line(self._core, caller, line, width=width, confirmed=confirmed)
+        reply = handle_line(self._core, caller, line, width=width, is_confirmed=is_confirmed)
         emit(self._core)
-        return printed
+        return reply
 
     def prompt(self, caller: Caller) -> str:
         """The console's prompt, e.g. `[admin@MikroTik] /ip/address> `; `<SAFE>` ends it while he holds safe mode."""
         return prompt(self._core, caller)
 
-    def safe_key(self, caller: Caller, choice: str = "") -> Printed:
+    def safe_key(self, caller: Caller, choice: str = "") -> ConsoleReply:
         """Ctrl+X or F4: take or release safe mode; `choice` (u, r or d) answers the question about another's hold."""
         self.tick()
-        printed = safe_key(self._core, caller, choice)
+        reply = safe_key(self._core, caller, choice)
         emit(self._core)
-        return printed
+        return reply
 
     def keep(self, caller: Caller) -> None:
         """`/quit`: the session ends, and what it did in safe mode stays (Manual, Configuration Management)."""
@@ -169,16 +171,16 @@ class ConsoleBackend:
 
         Whoever has an empty password is asked for a new one at every login (tik4net, Docs/findings-cli.md).
         """
-        left = self._core.greetings
+        questions = self._core.greetings
         users = self._core.store.table("/user")
         empty = any(
             self._core.store.text(users, item, "name") == caller.user
             and not self._core.store.text(users, item, "password")
             for item in users.items
         )
-        return (*left, "password") if empty and "password" not in left else left
+        return (*questions, "password") if empty and "password" not in questions else questions
 
-    def greeted(self, question: str) -> None:
+    def finish_greeting(self, question: str) -> None:
         """The question needs not be asked again."""
         self._core.greetings = tuple(greeting for greeting in self._core.greetings if greeting != question)
 
@@ -191,9 +193,11 @@ class ConsoleBackend:
         self.tick()
         store = self._core.store
         for path, table in list(store.tables.items()):
-            marked = [item for item in table.items if (store.text(table, item, "comment") or "").startswith("defconf")]
-            if marked:
-                run_line(self._core, caller, f"remove {','.join(id_text(item.id) for item in marked)}", path)
+            default_items = [
+                item for item in table.items if (store.text(table, item, "comment") or "").startswith("defconf")
+            ]
+            if default_items:
+                run_line(self._core, caller, f"remove {','.join(id_text(item.id) for item in default_items)}", path)
         run_script(self._core, caller, _DEFAULTS_OFF)
 
     def set_password(self, caller: Caller, password: str) -> str:

@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.menus import (
     _wifi,
     _wireless,
 )
-from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, generic, unmodelled
+from atlantis_netcfg.emulator.routeros.menus._generic import BUILT_IN, generic, unmodelled_arguments
 from atlantis_netcfg.emulator.routeros.menus._interface import OLD_WORDS
 from atlantis_netcfg.emulator.routeros.menus._model import Arg, EmulatedMenu, Select, Shape, Unique
 from atlantis_netcfg.emulator.routeros.menus._order import EXPORT_ORDER
@@ -27,7 +27,7 @@ __all__ = [
     "BUILT_IN",
     "EXPORT_ORDER",
     "INTERFACES",
-    "MODELLED",
+    "MODELLED_MENUS",
     "OLD_WORDS",
     "POLICIES",
     "Arg",
@@ -36,10 +36,10 @@ __all__ = [
     "Shape",
     "Unique",
     "generic",
-    "unmodelled",
+    "unmodelled_arguments",
 ]
 
-MODELLED: dict[str, EmulatedMenu] = {
+MODELLED_MENUS: dict[str, EmulatedMenu] = {
     menu.path: menu
     for module in (_interface, _wireless, _wifi, _lte, _ip, _firewall, _routing, _services, _system)
     for menu in module.MENUS

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.menus._model import (
     COMMENT,
-    DISABLED,
+    DISABLED_ARG,
     Arg,
     EmulatedMenu,
     Shape,
     Unique,
     of_schema,
 )
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
     Bool,
@@ -35,7 +35,7 @@ from atlantis_netcfg.emulator.routeros.values import (
 from atlantis_netcfg.routeros import menus as schema
 
 _FILTER = "/ip/firewall/filter"
-_PROTOCOLS = (*offered(_FILTER, "protocol"), *map(str, range(256)))
+_PROTOCOLS = (*offered_values(_FILTER, "protocol"), *map(str, range(256)))
 _ANY_INTERFACE = Ref(("interface",), ("all-ethernet", "all-ppp", "all-vlan", "all-wireless"))
 _ANY_LIST = Ref(("list",))
 _ADDRESS_TYPES = Choices(("unicast", "local", "broadcast", "multicast", "blackhole"))
@@ -59,7 +59,7 @@ _MATCHERS: dict[str, ValueType] = {
     "dst-limit": Pattern(r"\d+(/\w+)?,\d+,[a-z-]+(/\w+)?"),
     "dst-port": Not(Ports()),
     "fragment": Bool(),
-    "hotspot": Not(Choices(offered(_FILTER, "hotspot"), ordered=False)),
+    "hotspot": Not(Choices(offered_values(_FILTER, "hotspot"), is_ordered=False)),
     "icmp-options": Not(Pattern(r"\d{1,3}(:\d{1,3}(-\d{1,3})?)?")),
     "in-bridge-port": Not(_ANY_INTERFACE),
     "in-bridge-port-list": Not(_ANY_LIST),
@@ -67,7 +67,7 @@ _MATCHERS: dict[str, ValueType] = {
     "in-interface-list": Not(_ANY_LIST),
     "ingress-priority": Not(Int(0, 63)),
     "ipsec-policy": Pattern(r"(in|out),(ipsec|none)"),
-    "ipv4-options": Choice(offered(_FILTER, "ipv4-options")),
+    "ipv4-options": Choice(offered_values(_FILTER, "ipv4-options")),
     "layer7-protocol": Not(Text(empty=False)),
     "limit": Not(Pattern(r"\d+[kMG]?(/\w+)?,\d+[kMG]?(:(packet|bit))?")),
     "nth": Not(Pattern(r"\d+(,\d+)?")),
@@ -75,7 +75,7 @@ _MATCHERS: dict[str, ValueType] = {
     "out-bridge-port-list": Not(_ANY_LIST),
     "out-interface": Not(_ANY_INTERFACE),
     "out-interface-list": Not(_ANY_LIST),
-    "p2p": Not(Choice(offered(_FILTER, "p2p"))),
+    "p2p": Not(Choice(offered_values(_FILTER, "p2p"))),
     "packet-mark": Not(Text(empty=False)),
     "packet-size": Not(Pattern(_RANGE)),
     "per-connection-classifier": Not(Pattern(r"[a-z-]+:\d+/\d+")),
@@ -91,7 +91,7 @@ _MATCHERS: dict[str, ValueType] = {
     "src-address-type": Not(_ADDRESS_TYPES),
     "src-mac-address": Not(Mac()),
     "src-port": Not(Ports()),
-    "tcp-flags": Choices(("fin", "syn", "rst", "psh", "ack", "urg", "ece", "cwr"), signed=True),
+    "tcp-flags": Choices(("fin", "syn", "rst", "psh", "ack", "urg", "ece", "cwr"), has_signs=True),
     "tcp-mss": Not(Pattern(_RANGE)),
     "time": Not(Pattern(r"[\dhms:]+-[\dhms:d]+,[a-z,]+")),
     "tls-host": Not(Text(empty=False)),
@@ -102,9 +102,9 @@ _MATCHERS: dict[str, ValueType] = {
 _COMMON = (
     Arg("address-list", Text(empty=False)),
     Arg("address-list-timeout", Time(0, 21474836, words=("none-dynamic", "none-static"))),
-    Arg("chain", Text(empty=False), required=True, always=True),
+    Arg("chain", Text(empty=False), is_required=True, always=True),
     COMMENT,
-    DISABLED,
+    DISABLED_ARG,
     Arg("jump-target", Text(empty=False)),
     Arg("log", Bool(), "no"),
     Arg("log-prefix", Text(longest=31), ""),
@@ -113,10 +113,15 @@ _COMMON = (
 
 def _rules(path: str, noun: str, *further: Arg) -> EmulatedMenu:
     """Make a table of rules: arguments of its own, those of every rule, and the matchers."""
-    known = schema.MENUS[path].by_name if path in schema.MENUS else {}
-    action = Arg("action", Choice(offered(path, "action")), "accept", always=True)
-    local = (action, *further, *_COMMON, *(Arg(name, kind) for name, kind in _MATCHERS.items() if name not in known))
-    if known:
+    schema_arguments = schema.MENUS[path].by_name if path in schema.MENUS else {}
+    action = Arg("action", Choice(offered_values(path, "action")), "accept", always=True)
+    local = (
+        action,
+        *further,
+        *_COMMON,
+        *(Arg(name, kind) for name, kind in _MATCHERS.items() if name not in schema_arguments),
+    )
+    if schema_arguments:
         return of_schema(path, noun=noun, kinds=_MATCHERS, local=local, flags=("dynamic", "invalid"))
     return EmulatedMenu(
         path, Shape.LIST, tuple(sorted(local, key=lambda arg: arg.name)), noun, flags=("dynamic", "invalid")
@@ -128,7 +133,7 @@ _MARKING = (
     "change-dscp|change-mss|change-ttl|clear-df|mark-connection|mark-packet|mark-routing|route|set-priority|"
     "strip-ipv4-options"
 )
-_REJECT = Choice(offered(_FILTER, "reject-with"))
+_REJECT = Choice(offered_values(_FILTER, "reject-with"))
 
 MENUS = (
     of_schema(
@@ -136,11 +141,11 @@ MENUS = (
         noun="address list entry",
         local=(
             Arg("address", Matcher(dns=True), "0.0.0.0/0", always=True),
-            Arg("dynamic", Bool(), "no", never=True, exported=False),
-            Arg("list", Text(empty=False), required=True, always=True),
-            Arg("timeout", Time(0, 21474836), exported=False),
+            Arg("dynamic", Bool(), "no", never=True, is_exported=False),
+            Arg("list", Text(empty=False), is_required=True, always=True),
+            Arg("timeout", Time(0, 21474836), is_exported=False),
         ),
-        called="address",
+        name_property="address",
         unique=(Unique(("address", "list"), "failure: already have such entry"),),
         flags=("dynamic",),
     ),

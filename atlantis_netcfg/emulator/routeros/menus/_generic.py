@@ -9,13 +9,21 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from atlantis_netcfg.emulator.routeros.menus._model import COMMENT, DISABLED, Arg, EmulatedMenu, Select, Shape, Unique
+from atlantis_netcfg.emulator.routeros.menus._model import (
+    COMMENT,
+    DISABLED_ARG,
+    Arg,
+    EmulatedMenu,
+    Select,
+    Shape,
+    Unique,
+)
 from atlantis_netcfg.emulator.routeros.menus._references import names_rows, references
-from atlantis_netcfg.emulator.routeros.schema import Schema, described, offered
+from atlantis_netcfg.emulator.routeros.schema import Schema, description, offered_values
 from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Not, Plausible, Ref, Text, ValueType
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
-_EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED}
+_EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED_ARG}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
 _NEVER = {("/user/ssh-keys", "key")}
 _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
@@ -24,7 +32,7 @@ _KINDS: dict[tuple[str, str], ValueType] = {
     ("/queue/interface", "interface"): Ref(("interface",)),
 }
 _PORT, _ADDRESS = re.compile(r"(^|[.-])port$"), re.compile(r"(^|[.-])(address(es)?|gateway|host|servers?)$")
-_CALLED = {"/queue/interface": "interface"}
+_NAME_PROPERTIES = {"/queue/interface": "interface"}
 """Menus whose rows are not called by a `name`."""
 _OPEN = (
     "arp-opcode baud-rate builtin-trust-store ca-certificate certificate chain code communities crl-store"
@@ -50,7 +58,7 @@ class BuiltIn:
     since: str = "7.0"
 
 
-def _named(*names: str) -> tuple[dict[str, str], ...]:
+def _named_rows(*names: str) -> tuple[dict[str, str], ...]:
     return tuple({"name": name} for name in names)
 
 
@@ -61,30 +69,30 @@ _QUEUES = (
 )
 BUILT_IN = {
     "/caps-man/manager/interface": BuiltIn(({"interface": "all"},)),
-    "/ip/dhcp-client/option": BuiltIn(_named("clientid_duid", "clientid", "hostname"), since="6.0"),
+    "/ip/dhcp-client/option": BuiltIn(_named_rows("clientid_duid", "clientid", "hostname"), since="6.0"),
     "/ip/firewall/service-port": BuiltIn(
-        _named("ftp", "tftp", "irc", "h323", "sip", "pptp", "rtsp", "udplite", "dccp", "sctp")
+        _named_rows("ftp", "tftp", "irc", "h323", "sip", "pptp", "rtsp", "udplite", "dccp", "sctp")
     ),
-    "/ip/hotspot/profile": BuiltIn(_named("default"), since="6.0"),
-    "/ip/hotspot/service-port": BuiltIn(_named("ftp")),
-    "/ip/hotspot/user": BuiltIn(_named("default-trial"), since="6.0"),
-    "/ip/hotspot/user/profile": BuiltIn(_named("default"), since="6.0"),
-    "/ip/ipsec/mode-config": BuiltIn(_named("request-only")),
+    "/ip/hotspot/profile": BuiltIn(_named_rows("default"), since="6.0"),
+    "/ip/hotspot/service-port": BuiltIn(_named_rows("ftp")),
+    "/ip/hotspot/user": BuiltIn(_named_rows("default-trial"), since="6.0"),
+    "/ip/hotspot/user/profile": BuiltIn(_named_rows("default"), since="6.0"),
+    "/ip/ipsec/mode-config": BuiltIn(_named_rows("request-only")),
     "/ip/ipsec/policy": BuiltIn(({},)),
-    "/ip/ipsec/policy/group": BuiltIn(_named("default"), since="6.0"),
-    "/ip/ipsec/profile": BuiltIn(_named("default")),
-    "/ip/ipsec/proposal": BuiltIn(_named("default")),
-    "/ip/smb/shares": BuiltIn(_named("pub"), since="7.10"),
-    "/ip/smb/users": BuiltIn(_named("guest"), since="7.14beta1"),
-    "/ipv6/dhcp-relay/option": BuiltIn(_named("client_mac")),
+    "/ip/ipsec/policy/group": BuiltIn(_named_rows("default"), since="6.0"),
+    "/ip/ipsec/profile": BuiltIn(_named_rows("default")),
+    "/ip/ipsec/proposal": BuiltIn(_named_rows("default")),
+    "/ip/smb/shares": BuiltIn(_named_rows("pub"), since="7.10"),
+    "/ip/smb/users": BuiltIn(_named_rows("guest"), since="7.14beta1"),
+    "/ipv6/dhcp-relay/option": BuiltIn(_named_rows("client_mac")),
     "/ipv6/nd": BuiltIn(({"interface": "all"},)),
-    "/port": BuiltIn(_named("serial0", "serial1")),
+    "/port": BuiltIn(_named_rows("serial0", "serial1")),
     "/ppp/profile": BuiltIn(
         ({".id": "*0", "name": "default"}, {".id": "*FFFFFFFE", "name": "default-encryption"}), since="6.0"
     ),
     "/queue/type": BuiltIn(tuple({"name": name, "kind": kind} for name, kind in _QUEUES), since="6.0"),
-    "/routing/bgp/template": BuiltIn(_named("default")),
-    "/snmp/community": BuiltIn(_named("public")),
+    "/routing/bgp/template": BuiltIn(_named_rows("default")),
+    "/snmp/community": BuiltIn(_named_rows("public")),
     "/tool/romon/port": BuiltIn(({"interface": "all"},)),
 }
 """Only what exports of 6.49 to 7.23 set of them (`set [ find default=yes ]`, `set 0`, `set default`), under the names
@@ -101,25 +109,25 @@ def generic(schema: Schema, path: str) -> EmulatedMenu:
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
     unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
     unique = () if path in _NAMES_REPEAT else unique
-    called, shape = _CALLED.get(path, "name"), _shape(schema, path)
-    fixed = shape is Shape.FIXED and schema.has_command(path, "set") and path not in _CALLED
+    name_property, shape = _NAME_PROPERTIES.get(path, "name"), _shape(schema, path)
+    is_fixed = shape is Shape.FIXED_ROWS and schema.has_command(path, "set") and path not in _NAME_PROPERTIES
     return EmulatedMenu(
         path,
         shape,
-        unmodelled(path, names.union(*factory, {_CALLED.get(path, "")}) - {"", ".id"}),
+        unmodelled_arguments(path, names.union(*factory, {_NAME_PROPERTIES.get(path, "")}) - {"", ".id"}),
         noun=path.rpartition("/")[2].replace("-", " "),
         space="interface" if interface else "",
-        called=called,
+        name_property=name_property,
         unique=unique,
         factory=factory,
         builtin_flag="default" if factory else "",
-        select=Select.NAME if path in _CALLED else Select.INDEX,
-        of_the_board=path in _OF_THE_BOARD or (fixed and not factory),
-        modelled=False,
+        select=Select.NAME if path in _NAME_PROPERTIES else Select.INDEX,
+        of_the_board=path in _OF_THE_BOARD or (is_fixed and not factory),
+        is_modelled=False,
     )
 
 
-def unmodelled(path: str, names: frozenset[str]) -> tuple[Arg, ...]:
+def unmodelled_arguments(path: str, names: frozenset[str]) -> tuple[Arg, ...]:
     """Make the arguments of these names: their values are taken as they come."""
     return tuple(
         _EVERYWHERE.get(name)
@@ -133,26 +141,26 @@ def _shape(schema: Schema, path: str) -> Shape:
     if "add" in commands:
         return Shape.LIST
     if "numbers" in schema.arguments(path, "set") or ("find" in commands and "set" not in commands):
-        return Shape.FIXED
+        return Shape.FIXED_ROWS
     return Shape.SETTINGS
 
 
 def _kind(path: str, name: str) -> ValueType:
-    values = offered(path, name)
+    values = offered_values(path, name)
     if values == ("no", "yes"):
         return Bool()
-    named = references(path, name)
-    if named is not None:
-        return Not(named)
+    target = references(path, name)
+    if target is not None:
+        return Not(target)
     if name == "tcp-flags":
-        return Choices(values, signed=True)
-    described_otherwise = "|" not in (described(path, name) or "|")
+        return Choices(values, has_signs=True)
+    described_otherwise = "|" not in (description(path, name) or "|")
     is_open = name in _OPEN.split() or described_otherwise or names_rows(path, name) or path.startswith(_BY_PACKAGE)
-    return Not(Choices(values, ordered=False)) if values[1:] and not is_open else _text(path, name)
+    return Not(Choices(values, is_ordered=False)) if values[1:] and not is_open else _text(path, name)
 
 
 def _text(path: str, name: str) -> ValueType:
     if _PORT.search(name):
         return Plausible(ports=True)
-    address = _ADDRESS.search(name) or "IP address" in described(path, name)
+    address = _ADDRESS.search(name) or "IP address" in description(path, name)
     return Plausible() if address else _KINDS.get((path, name), Text())

@@ -14,10 +14,10 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     Unique,
     of_schema,
 )
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import Address, Bool, Choice, Choices, Int, Mac, Ref, Refs, Text, Time
 
-_TAKEN = Unique(("name",), "failure: already have interface with such name")
+_UNIQUE_NAME = Unique(("name",), "failure: already have interface with such name")
 _ARP = Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only"))
 _FRAMES = Choice(("admit-all", "admit-only-untagged-and-priority-tagged", "admit-only-vlan-tagged"))
 _ROUTER = Choice(("disabled", "permanent", "temporary-query"))
@@ -26,7 +26,7 @@ _IGMP = ("igmp-snooping", "yes")
 _FLOW = Choice(("auto", "off", "on"))
 _RATES = "10M-baseT-half,10M-baseT-full,100M-baseT-half,100M-baseT-full,1G-baseT-half,1G-baseT-full"
 
-_ADVERTISED = (
+_ADVERTISED_RATES = (
     *("10M-half", "10M-full", "100M-half", "100M-full", "1000M-half", "1000M-full"),
     *("2500M-full", "5000M-full", "10000M-full"),
 )
@@ -35,16 +35,16 @@ _SPEEDS = ("10Mbps", "100Mbps", "1Gbps", "2.5Gbps", "5Gbps", "10Gbps")
 
 @dataclass(frozen=True, slots=True)
 class OldWords:
-    """Words of an argument that got other names in version `until`; `known`: before that there were no others."""
+    """Words of an argument that got other names in version `until`; `is_complete`: before that there were no others."""
 
     until: str
     old: tuple[str, ...]
-    known: bool = True
+    is_complete: bool = True
 
 
 OLD_WORDS = {
-    "/interface/ethernet": {"advertise": OldWords("7.12", _ADVERTISED), "speed": OldWords("7.12", _SPEEDS)},
-    "/interface/ovpn-client": {"cipher": OldWords("7.7", ("aes128", "aes192", "aes256"), known=False)},
+    "/interface/ethernet": {"advertise": OldWords("7.12", _ADVERTISED_RATES), "speed": OldWords("7.12", _SPEEDS)},
+    "/interface/ovpn-client": {"cipher": OldWords("7.7", ("aes128", "aes192", "aes256"), is_complete=False)},
 }
 """Ethernet: changelog of 7.12, "changed advertise and speed arguments"; exports of 6.43 to 7.8. OpenVPN: exports of 7.5
 and 7.6 have `aes256`, of 7.11.2 `aes256-cbc`; when it changed between them is not known."""
@@ -90,7 +90,7 @@ _BRIDGE = of_schema(
         Arg("startup-query-interval", Time(), "31s250ms", shown_if=_IGMP),
     ),
     space="interface",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     flags=("dynamic", "running"),
 )
 
@@ -112,10 +112,10 @@ _PORT = of_schema(
         "pvid": Int(1, 4094),
     },
     local=(
-        Arg("bridge", Ref(("bridge",)), required=True, always=True),
-        Arg("interface", Ref(("interface", "list")), required=True, always=True),
+        Arg("bridge", Ref(("bridge",)), is_required=True, always=True),
+        Arg("interface", Ref(("interface", "list")), is_required=True, always=True),
     ),
-    called="interface",
+    name_property="interface",
     unique=(Unique(("interface",), "failure: device already added as bridge port"),),
     flags=("dynamic", "inactive"),
     first_id=0,
@@ -131,7 +131,7 @@ _ETHERNET = of_schema(
         "loop-protect": Choice(("default", "off", "on")),
         "loop-protect-send-interval": Time(1),
         "mtu": Int(68, 65535),
-        "speed": Choice((*offered("/interface/ethernet", "speed"), *_SPEEDS)),
+        "speed": Choice((*offered_values("/interface/ethernet", "speed"), *_SPEEDS)),
         "poe-out": Choice(("auto-on", "forced-on", "off")),
         "poe-priority": Int(0, 99),
         "poe-voltage": Choice(("auto", "high", "low")),
@@ -140,7 +140,11 @@ _ETHERNET = of_schema(
     },
     local=(
         Arg("name", Text(empty=False), ""),
-        Arg("advertise", Choices((*offered("/interface/ethernet", "advertise"), *_ADVERTISED), ordered=False), _RATES),
+        Arg(
+            "advertise",
+            Choices((*offered_values("/interface/ethernet", "advertise"), *_ADVERTISED_RATES), is_ordered=False),
+            _RATES,
+        ),
         Arg("l2mtu", Int(0, 65535), "1598"),
         Arg("mac-address", Mac(), ""),
         Arg("orig-mac-address", Mac(), ""),
@@ -159,7 +163,7 @@ _ETHERNET = of_schema(
         "sfp-shutdown-temperature",
     ),
     space="interface",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     flags=("running", "slave"),
     select=Select.DEFAULT_NAME,
 )
@@ -168,7 +172,7 @@ _LIST = of_schema(
     "/interface/list",
     noun="interface list",
     kinds={"exclude": Refs(Ref(("list",))), "include": Refs(Ref(("list",)))},
-    local=(Arg("name", Text(empty=False), required=True),),
+    local=(Arg("name", Text(empty=False), is_required=True),),
     space="list",
     unique=(Unique(("name",), "failure: already have such name"),),
     factory=(
@@ -187,14 +191,16 @@ _MEMBER = of_schema(
     "/interface/list/member",
     noun="interface list member",
     local=(
-        Arg("interface", Ref(("interface",)), required=True, always=True),
-        Arg("list", Ref(("list",)), required=True, always=True),
+        Arg("interface", Ref(("interface",)), is_required=True, always=True),
+        Arg("list", Ref(("list",)), is_required=True, always=True),
     ),
     unique=(Unique(("interface", "list"), "failure: already have such entry"),),
     flags=("dynamic",),
 )
 
-_CIPHERS = Choice((*offered("/interface/ovpn-client", "cipher"), *OLD_WORDS["/interface/ovpn-client"]["cipher"].old))
+_CIPHERS = Choice(
+    (*offered_values("/interface/ovpn-client", "cipher"), *OLD_WORDS["/interface/ovpn-client"]["cipher"].old)
+)
 _OVPN = of_schema(
     "/interface/ovpn-client",
     noun="device",
@@ -211,15 +217,15 @@ _OVPN = of_schema(
     },
     local=(
         Arg("name", Text(empty=False), ""),
-        Arg("connect-to", Address(dns=True), required=True),
+        Arg("connect-to", Address(dns=True), is_required=True),
         Arg("disabled", Bool(), "yes"),
         Arg("disconnect-notify", Bool(), "yes", shown_if=("protocol", "udp")),
         Arg("mac-address", Mac(), ""),
         Arg("use-peer-dns", Choice(("exclusively", "no", "yes")), "yes"),
-        Arg("user", Text(longest=27, empty=False), required=True),
+        Arg("user", Text(longest=27, empty=False), is_required=True),
     ),
     space="interface",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     flags=("running", "hw-crypto"),
 )
 

@@ -7,7 +7,7 @@ exports of RouterOS 7.19.
 from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.menus._model import Arg, Unique, of_schema
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
     AddressesValue,
@@ -29,19 +29,19 @@ from atlantis_netcfg.emulator.routeros.values import (
 _V4 = Address(v6=False)
 _V4S = AddressesValue(_V4)
 _NAME_TAKEN = Unique(("name",), "failure: item with such name already exists")
-_INTERFACE = Arg("interface", Ref(("interface",)), required=True, always=True)
+_INTERFACE = Arg("interface", Ref(("interface",)), is_required=True, always=True)
 
 _ADDRESS = of_schema(
     "/ip/address",
     noun="address",
     local=(
-        Arg("address", HostPrefix(), required=True, always=True),
-        Arg("broadcast", _V4, exported=False, never=True),
+        Arg("address", HostPrefix(), is_required=True, always=True),
+        Arg("broadcast", _V4, is_exported=False, never=True),
         _INTERFACE,
-        Arg("netmask", _V4, exported=False, never=True),
+        Arg("netmask", _V4, is_exported=False, never=True),
         Arg("network", _V4, "", always=True),
     ),
-    called="address",
+    name_property="address",
     unique=(Unique(("address", "interface"), "failure: already have such address"),),
     flags=("dynamic", "invalid"),
 )
@@ -50,7 +50,7 @@ _POOL = of_schema(
     "/ip/pool",
     noun="pool",
     kinds={"next-pool": Ref(("pool",), ("none",))},
-    local=(Arg("name", Text(empty=False), ""), Arg("ranges", Ranges(), required=True, always=True)),
+    local=(Arg("name", Text(empty=False), ""), Arg("ranges", Ranges(), is_required=True, always=True)),
     space="pool",
     unique=(Unique(("name",), "failure: pool with such name exists"),),
 )
@@ -100,7 +100,7 @@ _NETWORK = of_schema(
         Arg("domain", Text()),
         Arg("ntp-none", Bool()),
     ),
-    called="address",
+    name_property="address",
     unique=(Unique(("address",), "failure: already have such network"),),
     flags=("dynamic",),
 )
@@ -121,14 +121,14 @@ _LEASE = of_schema(
         Arg("client-id", Text()),
         Arg("rate-limit", Text()),
     ),
-    called="address",
+    name_property="address",
     unique=(
         Unique(("address", "server"), "failure: already have static lease with this IP address"),
         # Exports have two leases of one MAC address: for other client ids, and (7.22) with one of them disabled.
         Unique(
             ("mac-address", "server", "client-id"),
             "failure: already have static lease with this MAC address",
-            enabled=True,
+            enabled_only=True,
         ),
     ),
     flags=("blocked", "dynamic", "radius"),
@@ -148,7 +148,7 @@ _CLIENT = of_schema(
         "vlan-priority": Int(0, 7),
     },
     local=(_INTERFACE, Arg("script", Text())),
-    called="interface",
+    name_property="interface",
     unique=(Unique(("interface",), "failure: dhcp-client on that interface already exists"),),
     flags=("dynamic", "invalid"),
 )
@@ -185,7 +185,7 @@ _STATIC = of_schema(
         Arg("regexp", Text(empty=False)),
         Arg("srv-target", Text()),
         Arg("text", Text()),
-        Arg("type", Choice(offered("/ip/dns/static", "type")), "A", always=True),
+        Arg("type", Choice(offered_values("/ip/dns/static", "type")), "A", always=True),
     ),
     unique=(Unique(("name", "type", "address", "text"), "entry already exists"),),
     flags=("dynamic",),
@@ -208,7 +208,7 @@ _ROUTE = of_schema(
         Arg("pref-src", Address(v6=False, empty=True)),
         Arg("suppress-hw-offload", Bool(), "no"),
     ),
-    called="dst-address",
+    name_property="dst-address",
     flags=("active", "dynamic", "inactive", "static"),
     first_id=0x80000001,
     sparse=True,

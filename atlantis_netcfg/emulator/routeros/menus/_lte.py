@@ -43,7 +43,7 @@ _LTE = of_schema(
         "apn-profiles": Refs(Ref(("lte-apn",))),
         "band": _NUMBERS,
         "mtu": Int(68, 65535),
-        "network-mode": Choices(("3g", "5g", "gsm", "lte"), ordered=False),
+        "network-mode": Choices(("3g", "5g", "gsm", "lte"), is_ordered=False),
         "nr-band": _NUMBERS,
         "operator": Pattern(r"|\d{5,6}"),
     },

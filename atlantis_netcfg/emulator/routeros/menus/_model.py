@@ -24,7 +24,7 @@ class Shape(StrEnum):
 
     LIST = "list"
     """Rows that can be added."""
-    FIXED = "fixed"
+    FIXED_ROWS = "fixed"
     """Rows that are there and can only be set."""
     SETTINGS = "settings"
     """One row without id."""
@@ -53,14 +53,14 @@ class Arg:
     kind: ValueType
     default: str | None = None
     """Value of a row that does not say otherwise; None: the property is absent then, and can be unset."""
-    required: bool = False
+    is_required: bool = False
     secret: bool = False
     """Hidden by `export`, and by `print` for groups without policy `sensitive`."""
     never: bool = False
     """Write-only: no command prints it."""
     always: bool = False
     """Exported also where it equals the default, as RouterOS does for a few (`action=accept`, `type=A`)."""
-    exported: bool = True
+    is_exported: bool = True
     shown_if: tuple[str, str] | None = None
     """Only part of the row while another argument has this value (`|` separates several)."""
 
@@ -71,7 +71,7 @@ class Unique:
 
     arguments: tuple[str, ...]
     words: str
-    enabled: bool = False
+    enabled_only: bool = False
     """Only rows that are not disabled count."""
 
 
@@ -86,7 +86,7 @@ class EmulatedMenu:
     """What `/system/history` calls a row."""
     space: str = ""
     """Name space in which other menus refer to its rows."""
-    called: str = "name"
+    name_property: str = "name"
     """The argument by which a row may be called in place of its id."""
     unique: tuple[Unique, ...] = ()
     factory: tuple[dict[str, str], ...] = ()
@@ -101,12 +101,12 @@ class EmulatedMenu:
     first_id: int = 1
     feature: str = ""
     """Feature of `/system/device-mode` that it needs."""
-    exported: bool = True
+    is_exported: bool = True
     sparse: bool = False
     """Exports print what was given, defaults too: how the menus of the routing process behave."""
     of_the_board: bool = False
     """Its rows come with the board, and nobody knows which ones this router has."""
-    modelled: bool = True
+    is_modelled: bool = True
     """False: only names of arguments are checked, by the command tree."""
     by_name: dict[str, Arg] = field(init=False, repr=False, compare=False)
 
@@ -114,12 +114,12 @@ class EmulatedMenu:
         object.__setattr__(self, "by_name", {arg.name: arg for arg in self.args})
 
 
-DISABLED = Arg("disabled", Bool(), "no")
+DISABLED_ARG = Arg("disabled", Bool(), "no")
 COMMENT = Arg("comment", Text())
 
 _SHAPES: Final = {
     schema.Shape.LIST: Shape.LIST,
-    schema.Shape.FIXED: Shape.FIXED,
+    schema.Shape.FIXED: Shape.FIXED_ROWS,
     schema.Shape.SINGLETON: Shape.SETTINGS,
 }
 _PLAIN: Final = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import takewhile
 
-from atlantis_netcfg.emulator.routeros.schema import described, menus_named, offered, recorded_rows
+from atlantis_netcfg.emulator.routeros.schema import description, menus_named, offered_values, recorded_rows
 from atlantis_netcfg.emulator.routeros.values import Ref, Refs
 
 _INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue/type", "lo"
@@ -19,14 +19,14 @@ _SPACES = {"/routing/table": "table"}
 
 def references(path: str, name: str) -> Refs | None:
     """Return what an argument takes that names one row or several, and None for every other."""
-    named = reference(path, name)
+    target = reference(path, name)
     # Queues of both directions: `queue=up/down` (exports of `/queue/simple`).
-    return Refs(named, between="/" if named.spaces == (_QUEUES,) else ",") if named is not None else None
+    return Refs(target, between="/" if target.spaces == (_QUEUES,) else ",") if target is not None else None
 
 
 def reference(path: str, name: str) -> Ref | None:
     """Return what an argument takes that names one row, and None for every other."""
-    words = frozenset(offered(path, name))
+    words = frozenset(offered_values(path, name))
     interfaces, lists = words & recorded_rows()[_INTERFACE], words & recorded_rows()[_LIST]
     # Addresses are offered with the interfaces that may follow them, `lo` among them.
     if "interface" not in name and _LOOPBACK in interfaces:
@@ -46,17 +46,17 @@ def reference(path: str, name: str) -> Ref | None:
 def names_rows(path: str, name: str) -> bool:
     """Tell whether rows, files or devices of the recorded router stand among the words offered for an argument."""
     devices = recorded_rows()[_INTERFACE].union(*(recorded_rows()[menu] for menu in _DEVICES))
-    return bool(menus_named(path, name)) or not devices.isdisjoint(offered(path, name))
+    return bool(menus_named(path, name)) or not devices.isdisjoint(offered_values(path, name))
 
 
 def _menu(path: str, name: str) -> str | None:
     menus = menus_named(path, name)
-    if set(_DEVICES) & set(menus) or "address" in described(path, name):
+    if set(_DEVICES) & set(menus) or "address" in description(path, name):
         return None
     if len(menus) == 1:
         return menus[0]
-    fits = [menu for menu in menus if _alike(menu, name) and _shared(path, menu) > 1]
-    return max(fits, key=lambda menu: (_alike(menu, name), _shared(path, menu), -menu.count("/")), default=None)
+    fits = [menu for menu in menus if _alike(menu, name) and _common_depth(path, menu) > 1]
+    return max(fits, key=lambda menu: (_alike(menu, name), _common_depth(path, menu), -menu.count("/")), default=None)
 
 
 def _alike(menu: str, name: str) -> int:
@@ -65,6 +65,6 @@ def _alike(menu: str, name: str) -> int:
     return sum(name.removesuffix("s").endswith("-".join(parts[start:])) for start in range(len(parts)))
 
 
-def _shared(path: str, menu: str) -> int:
+def _common_depth(path: str, menu: str) -> int:
     pairs = zip(path.split("/"), menu.split("/"), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))

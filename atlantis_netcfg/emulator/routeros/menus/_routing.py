@@ -12,14 +12,14 @@ from __future__ import annotations
 from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.menus._model import (
     COMMENT,
-    DISABLED,
+    DISABLED_ARG,
     Arg,
     EmulatedMenu,
     Shape,
     Unique,
     of_schema,
 )
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Int, Pattern, Prefixes, Ref, Refs, Text, Time
 
 VRF = 0x1000001
@@ -44,7 +44,7 @@ _ROUTING = (
         (
             Arg("name", Text(empty=False), ""),
             COMMENT,
-            DISABLED,
+            DISABLED_ARG,
             Arg("interfaces", Refs(Ref(("interface", "list"), ("none",))), ""),
         ),
         noun="vrf",
@@ -92,8 +92,8 @@ _NETWATCH = (
         noun="queue tree",
         kinds={"bucket-size": Pattern(r"\d+(\.\d+)?"), "priority": Int(1, 8)},
         local=(
-            Arg("name", Text(empty=False), required=True),
-            Arg("parent", Ref(("interface", "queue"), ("global",)), required=True),
+            Arg("name", Text(empty=False), is_required=True),
+            Arg("parent", Ref(("interface", "queue"), ("global",)), is_required=True),
         ),
         space="queue",
         unique=(Unique(("name",), "failure: already have such name"),),
@@ -121,7 +121,7 @@ _NETWATCH = (
             Arg("thr-stdev", Time(), shown_if=_ICMP),
             Arg("thr-tcp-conn-time", Time(), shown_if=_TCP),
             Arg("ttl", Int(1, 255), shown_if=_ICMP),
-            Arg("type", Choice(offered("/tool/netwatch", "type")), "simple", always=True),
+            Arg("type", Choice(offered_values("/tool/netwatch", "type")), "simple", always=True),
         ),
         without=("certificate", "check-certificate", "dns-server", "http-codes", "record-type", "thr-http-time"),
     ),

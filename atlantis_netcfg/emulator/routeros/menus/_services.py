@@ -32,7 +32,7 @@ MENUS = (
         noun="ip service",
         kinds={"address": Prefixes(many=True), "max-sessions": Int(1, 1000)},
         local=(
-            Arg("name", Text(), "", exported=False),
+            Arg("name", Text(), "", is_exported=False),
             Arg("certificate", Ref(("certificate",), ("none",))),
             Arg("port", Int(1, 65535), ""),
             Arg("tls-version", Choice(("any", "only-1.2"))),
@@ -56,7 +56,7 @@ MENUS = (
         "/ip/ssh",
         noun="ssh settings",
         kinds={
-            "ciphers": Choices(("3des-cbc", "aes-cbc", "aes-ctr", "aes-gcm", "auto", "null"), ordered=False),
+            "ciphers": Choices(("3des-cbc", "aes-cbc", "aes-ctr", "aes-gcm", "auto", "null"), is_ordered=False),
             "forwarding-enabled": Choice(("both", "local", "no", "remote")),
             "password-authentication": Choice(("no", "yes", "yes-if-no-key")),
             "publickey-authentication-options": Choice(("none", "touch-required", "verify-required")),

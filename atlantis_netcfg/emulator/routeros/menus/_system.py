@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from atlantis_netcfg.emulator.routeros.menus._model import (
     COMMENT,
-    DISABLED,
+    DISABLED_ARG,
     Arg,
     EmulatedMenu,
     Select,
@@ -16,16 +16,16 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     Unique,
     of_schema,
 )
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import (
     Address,
     AddressesValue,
     Bool,
     Choice,
     Choices,
-    Granted,
     Int,
     Moment,
+    PolicySet,
     Prefixes,
     Ref,
     Text,
@@ -60,14 +60,14 @@ _DISK = ("target", "disk")
 _REMOTE = ("target", "remote")
 _MEMORY = ("target", "memory")
 _EMAIL = ("target", "email")
-_TAKEN = Unique(("name",), "failure: item with such name already exists")
+_UNIQUE_NAME = Unique(("name",), "failure: item with such name already exists")
 
 _LOGGING = of_schema(
     "/system/logging",
     noun="logging rule",
     local=(
         Arg("action", Ref(("action",)), "memory", always=True),
-        Arg("topics", Topics(offered("/system/logging", "topics")), "info", always=True),
+        Arg("topics", Topics(offered_values("/system/logging", "topics")), "info", always=True),
     ),
     factory=(
         {"topics": "info", "action": "memory"},
@@ -93,7 +93,7 @@ _ACTION = of_schema(
         Arg("email-to", Text(), "", shown_if=_EMAIL),
         Arg("memory-lines", Int(1, 65535), "1000", shown_if=_MEMORY),
         Arg("memory-stop-on-full", Bool(), "no", shown_if=_MEMORY),
-        Arg("name", Text(empty=False), required=True),
+        Arg("name", Text(empty=False), is_required=True),
         Arg("remember", Bool(), "yes", shown_if=("target", "echo")),
         Arg("remote", _HOST, "0.0.0.0", shown_if=_REMOTE),  # noqa: S104 - RouterOS' default, not a bind address
         Arg("remote-log-format", Choice(("cef", "default", "syslog")), "default", shown_if=_REMOTE),
@@ -101,15 +101,23 @@ _ACTION = of_schema(
         Arg("remote-protocol", Choice(("tcp", "udp")), "udp", shown_if=_REMOTE),
         Arg("src-address", Address(), "0.0.0.0", shown_if=_REMOTE),  # noqa: S104 - RouterOS' default
         Arg(
-            "syslog-facility", Choice(offered("/system/logging/action", "syslog-facility")), "daemon", shown_if=_REMOTE
+            "syslog-facility",
+            Choice(offered_values("/system/logging/action", "syslog-facility")),
+            "daemon",
+            shown_if=_REMOTE,
         ),
-        Arg("syslog-severity", Choice(offered("/system/logging/action", "syslog-severity")), "auto", shown_if=_REMOTE),
+        Arg(
+            "syslog-severity",
+            Choice(offered_values("/system/logging/action", "syslog-severity")),
+            "auto",
+            shown_if=_REMOTE,
+        ),
         Arg("syslog-time-format", Choice(("bsd-syslog", "iso8601")), "bsd-syslog", shown_if=_REMOTE),
-        Arg("target", Choice(("disk", "echo", "email", "memory", "remote")), required=True, always=True),
+        Arg("target", Choice(("disk", "echo", "email", "memory", "remote")), is_required=True, always=True),
         Arg("vrf", Ref(("table",)), "main", shown_if=_REMOTE),
     ),
     space="action",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     factory=(
         {"name": "memory", "target": "memory"},
         {"name": "disk", "target": "disk"},
@@ -125,7 +133,7 @@ _SCHEDULER = EmulatedMenu(
     Shape.LIST,
     (
         COMMENT,
-        DISABLED,
+        DISABLED_ARG,
         Arg("interval", Time(), "0s"),
         Arg("name", Text(empty=False), ""),
         Arg("on-event", Text(), ""),
@@ -134,7 +142,7 @@ _SCHEDULER = EmulatedMenu(
         Arg("start-time", Moment(words=("startup",)), always=True),
     ),
     noun="schedule",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
 )
 
 _USER = of_schema(
@@ -142,15 +150,15 @@ _USER = of_schema(
     noun="user",
     kinds={"address": Prefixes(many=True)},
     local=(
-        Arg("group", Ref(("group",)), required=True),
+        Arg("group", Ref(("group",)), is_required=True),
         Arg("inactivity-policy", Choice(("lockscreen", "logout", "none")), "none"),
         Arg("inactivity-timeout", Time(60, 86400), "10m"),
-        Arg("name", Text(empty=False), required=True),
+        Arg("name", Text(empty=False), is_required=True),
         Arg("password", Text(), "", never=True),
     ),
     unique=(Unique(("name",), "failure: user with the same name already exists"),),
     flags=("expired",),
-    exported=False,
+    is_exported=False,
 )
 
 _READ = "local,telnet,ssh,reboot,read,test,winbox,password,web,sniff,sensitive,api,romon,rest-api"
@@ -159,9 +167,9 @@ _NOTHING = ",".join(f"!{policy}" for policy in POLICIES)
 _GROUP = of_schema(
     "/user/group",
     noun="user group",
-    local=(Arg("name", Text(empty=False), ""), Arg("policy", Granted(POLICIES), _NOTHING)),
+    local=(Arg("name", Text(empty=False), ""), Arg("policy", PolicySet(POLICIES), _NOTHING)),
     space="group",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     factory=(
         {"name": "read", "policy": _READ},
         {"name": "write", "policy": _WRITE},
@@ -190,9 +198,9 @@ _CERTIFICATE = of_schema(
         Arg("unit", Text(), ""),
     ),
     space="certificate",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     flags=("authority", "crl", "expired", "private-key"),
-    exported=False,
+    is_exported=False,
 )
 
 _SETTINGS = (
@@ -200,21 +208,24 @@ _SETTINGS = (
     of_schema(
         "/system/clock",
         noun="clock settings",
-        kinds={"time-zone-name": Choice(("manual", *offered("/system/clock", "time-zone-name")))},
-        local=(Arg("date", Moment(), never=True, exported=False), Arg("time", Moment(), never=True, exported=False)),
+        kinds={"time-zone-name": Choice(("manual", *offered_values("/system/clock", "time-zone-name")))},
+        local=(
+            Arg("date", Moment(), never=True, is_exported=False),
+            Arg("time", Moment(), never=True, is_exported=False),
+        ),
     ),
     of_schema(
         "/system/ntp/client",
         noun="ntp client",
         kinds={"mode": Choice(("broadcast", "manycast", "multicast", "unicast"))},
-        local=(Arg("servers", AddressesValue(_HOST), "", exported=False), _VRF),
+        local=(Arg("servers", AddressesValue(_HOST), "", is_exported=False), _VRF),
     ),
     of_schema(
         "/system/ntp/client/servers",
         noun="ntp server",
         kinds={"max-poll": Int(3, 17), "min-poll": Int(3, 17)},
-        local=(Arg("address", _HOST, required=True, always=True), Arg("auth-key", Text(), "none")),
-        called="address",
+        local=(Arg("address", _HOST, is_required=True, always=True), Arg("auth-key", Text(), "none")),
+        name_property="address",
         unique=(Unique(("address",), "failure: already have such entry"),),
         flags=("dynamic",),
     ),

@@ -14,29 +14,32 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
     Unique,
     of_schema,
 )
-from atlantis_netcfg.emulator.routeros.schema import offered
+from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.values import Choice, Choices, Int, Mac, Pattern, Ref, Text, Time, ValueType
 
 _EXISTS = Unique(("name",), "failure: item with such name already exists")
 
 
-def _offered(menu: str, names: str, *, several: bool = False) -> dict[str, ValueType]:
+def _choices(menu: str, names: str, *, several: bool = False) -> dict[str, ValueType]:
     """Map arguments to the words that the console offers for them."""
-    found = {
-        name: tuple(word.strip('"') for word in offered(f"/interface/wifi/{menu}", name)) for name in names.split()
+    words_by_name = {
+        name: tuple(word.strip('"') for word in offered_values(f"/interface/wifi/{menu}", name))
+        for name in names.split()
     }
-    return {name: Choices(words, ordered=False) if several else Choice(words) for name, words in found.items()}
+    return {
+        name: Choices(words, is_ordered=False) if several else Choice(words) for name, words in words_by_name.items()
+    }
 
 
 _KINDS: dict[str, dict[str, ValueType]] = {
     "channel": {
         "frequency": Pattern(r"\d{4}(-\d{4}(/\d+)?)?(,\d{4}(-\d{4}(/\d+)?)?)*"),
-        **_offered("channel", "band skip-dfs-channels width"),
+        **_choices("channel", "band skip-dfs-channels width"),
     },
     "security": {
         "passphrase": Pattern(r"|[ -~]{8,63}"),
-        **_offered("security", "authentication-types encryption", several=True),
-        **_offered("security", "beacon-protection group-encryption management-encryption management-protection wps"),
+        **_choices("security", "authentication-types encryption", several=True),
+        **_choices("security", "beacon-protection group-encryption management-encryption management-protection wps"),
     },
     "datapath": {
         "bridge": Ref(("bridge",), ("none",)),
@@ -52,7 +55,7 @@ _KINDS: dict[str, dict[str, ValueType]] = {
         "max-clients": Int(1, 1000),
         "ssid": Text(longest=32),
         "tx-power": Int(0, 40),
-        **_offered(
+        **_choices(
             "configuration",
             "country hw-protection-mode installation manager mode multicast-enhance qos-classifier",
         ),
@@ -72,7 +75,7 @@ _STEERING = (
 )
 
 
-_INHERITED = tuple(
+_INHERITED_ARGS = tuple(
     Arg(f"{group}.{name}", Text())
     for group, names in (("aaa", _AAA), ("interworking", _INTERWORKING), ("steering", _STEERING))
     for name in names.split()
@@ -81,8 +84,8 @@ _INHERITED = tuple(
 
 def _inside(*profiles: str) -> dict[str, ValueType]:
     """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
-    named: dict[str, ValueType] = {profile: Ref((f"wifi-{profile}",)) for profile in profiles}
-    return named | {f"{profile}.{name}": kind for profile in profiles for name, kind in _KINDS[profile].items()}
+    profile_refs: dict[str, ValueType] = {profile: Ref((f"wifi-{profile}",)) for profile in profiles}
+    return profile_refs | {f"{profile}.{name}": kind for profile in profiles for name, kind in _KINDS[profile].items()}
 
 
 def _profile(name: str, kinds: dict[str, ValueType], local: tuple[Arg, ...] = ()) -> EmulatedMenu:
@@ -90,7 +93,7 @@ def _profile(name: str, kinds: dict[str, ValueType], local: tuple[Arg, ...] = ()
         f"/interface/wifi/{name}",
         noun=f"wifi {name}",
         kinds=_KINDS[name] | kinds,
-        local=(Arg("name", Text(empty=False), required=True), *local),
+        local=(Arg("name", Text(empty=False), is_required=True), *local),
         space=f"wifi-{name}",
         unique=(_EXISTS,),
     )
@@ -108,7 +111,7 @@ _RADIO = of_schema(
     },
     local=(
         Arg("name", Text(empty=False), ""),
-        *_INHERITED,
+        *_INHERITED_ARGS,
         Arg("l2mtu", Int(32, 2290), "1560"),
         Arg("mac-address", Mac(), ""),
     ),
@@ -123,6 +126,6 @@ MENUS = (
     _profile("channel", {}),
     _profile("security", {}),
     _profile("datapath", {}),
-    _profile("configuration", _inside("channel", "security", "datapath"), _INHERITED),
+    _profile("configuration", _inside("channel", "security", "datapath"), _INHERITED_ARGS),
     _RADIO,
 )

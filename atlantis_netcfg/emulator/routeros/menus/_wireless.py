@@ -16,7 +16,7 @@ from atlantis_netcfg.emulator.routeros.menus._model import (
 from atlantis_netcfg.emulator.routeros.values import Choice, Choices, Int, Mac, Pattern, Ref, Text, Time
 
 _SWITCH = Choice(("disabled", "enabled"))
-_TAKEN = Unique(("name",), "failure: already have interface with such name")
+_UNIQUE_NAME = Unique(("name",), "failure: already have interface with such name")
 _EXISTS = Unique(("name",), "failure: item with such name already exists")
 _NO_MAC = "00:00:00:00:00:00"
 _CIPHERS = Choices(("tkip", "aes-ccm"))
@@ -145,7 +145,7 @@ _RADIO = of_schema(
     ),
     without=("default-name",),
     space="interface",
-    unique=(_TAKEN,),
+    unique=(_UNIQUE_NAME,),
     flags=("running",),
     select=Select.DEFAULT_NAME,
 )
@@ -160,7 +160,7 @@ _CONNECT = of_schema(
         "wireless-protocol": Choice(("802.11", "any", "nstreme", "tdma")),
     },
     local=(
-        Arg("interface", Ref(("interface",)), required=True, always=True),
+        Arg("interface", Ref(("interface",)), is_required=True, always=True),
         *_texts(
             "3gpp iw-asra iw-authentication-types iw-connection-capabilities iw-esr iw-hessid iw-hotspot20"
             " iw-hotspot20-dgaf iw-internet iw-ipv4-availability iw-ipv6-availability iw-network-type iw-realms"

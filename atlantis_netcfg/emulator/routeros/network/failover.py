@@ -63,27 +63,27 @@ def watch(core: Core) -> None:
 
 def _align(core: Core, at: float) -> None:
     """Begin with what is new in the configuration, forget what has gone."""
-    watched = core.watched
-    if watched.revision == core.store.revision:
+    watch_state = core.watched
+    if watch_state.revision == core.store.revision:
         return
-    started = watched.revision is None
-    watched.revision = core.store.revision
+    is_start = watch_state.revision is None
+    watch_state.revision = core.store.revision
     table = core.store.table(_ROWS) if core.schema.has_menu(_ROWS) else None
     rows = {} if table is None else {item.id: item for item in table.items if _watches(core, table, item)}
-    for number in [number for number in watched.rows if number not in rows]:
-        del watched.rows[number]
+    for number in [number for number in watch_state.rows if number not in rows]:
+        del watch_state.rows[number]
     for number, item in rows.items():
-        known = watched.rows.get(number)
-        if table is not None and (known is None or known.values != item.values):
+        state = watch_state.rows.get(number)
+        if table is not None and (state is None or state.values != item.values):
             begin = _span(core, table, item, "start-delay")
-            begin += core.started + _span(core, table, item, "startup-delay") if started else at
-            watched.rows[number] = NetwatchState(dict(item.values), begin, begin, since=at)
-    hops = _checked(core)
-    for hop in [hop for hop in watched.gateways if hop not in hops]:
-        del watched.gateways[hop]
+            begin += core.started + _span(core, table, item, "startup-delay") if is_start else at
+            watch_state.rows[number] = NetwatchState(dict(item.values), begin, begin, since=at)
+    hops = _checked_hops(core)
+    for hop in [hop for hop in watch_state.gateways if hop not in hops]:
+        del watch_state.gateways[hop]
     _bury(core, core.dead & hops)
-    for hop in hops - set(watched.gateways):
-        watched.gateways[hop] = NextHop(at + _check(core, "interval"))
+    for hop in hops - set(watch_state.gateways):
+        watch_state.gateways[hop] = NextHop(at + _check(core, "interval"))
 
 
 def _watches(core: Core, table: Table, item: StoredItem) -> bool:
@@ -97,7 +97,7 @@ def _span(core: Core, table: Table, item: StoredItem, name: str) -> float:
 # --- check-gateway -------------------------------------------------------------------------------------------------
 
 
-def _checked(core: Core) -> set[IPv4Address]:
+def _checked_hops(core: Core) -> set[IPv4Address]:
     """Return the next hops that enabled routes have watched; those that are interfaces cannot be."""
     table = core.store.table(_ROUTES)
     result = set()
@@ -114,12 +114,12 @@ def _checked(core: Core) -> set[IPv4Address]:
 
 def _check(core: Core, what: str) -> float:
     """Return one of the numbers of `check-gateway`: of the settings where the version has them."""
-    fixed = {"interval": 10.0, "timeout": 1.0, "count": 2.0}
+    defaults = {"interval": 10.0, "timeout": 1.0, "count": 2.0}
     name = f"check-gateway-ping-{what}"
     table = core.store.table(_SETTINGS) if core.schema.has_menu(_SETTINGS) else None
     if table is None or name not in table.args or not table.items:
-        return fixed[what]
-    return seconds(core.store.text(table, table.items[0], name) or "") or fixed[what]
+        return defaults[what]
+    return seconds(core.store.text(table, table.items[0], name) or "") or defaults[what]
 
 
 def _ask(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
@@ -127,16 +127,16 @@ def _ask(core: Core, hop: IPv4Address, gateway: NextHop) -> None:
     if gateway.waiting:
         gateway.waiting = False
         gateway.at += interval - timeout
-        gateway.missed += 1
-        if gateway.missed >= _check(core, "count"):
+        gateway.missed_count += 1
+        if gateway.missed_count >= _check(core, "count"):
             _bury(core, core.dead | {hop})
         return
-    resolved = any(route.gateway == hop and route.way for route in core.topology.routes)
-    if resolved and hop in core.silent:
+    is_resolved = any(route.gateway == hop and route.way for route in core.topology.routes)
+    if is_resolved and hop in core.silent:
         gateway.waiting = True
         gateway.at += timeout
         return
-    gateway.missed = 0
+    gateway.missed_count = 0
     gateway.at += interval
     _bury(core, core.dead - {hop})
 
@@ -159,20 +159,20 @@ def _test(core: Core, number: int, row: NetwatchState) -> None:
     icmp = core.store.text(table, item, "type") == "icmp"
     count = int(core.store.text(table, item, "packet-count") or 1) if icmp else 1
     if not row.waiting:
-        answered = _answered(core, table, item)
-        row.sent += 1
-        row.answered += answered
-        if row.sent < count:
+        has_answer = _has_answer(core, table, item)
+        row.sent_count += 1
+        row.answer_count += has_answer
+        if row.sent_count < count:
             row.at += _span(core, table, item, "packet-interval")
             return
-        if not answered:
+        if not has_answer:
             row.waiting = True
             row.at += _span(core, table, item, "timeout")
             return
     _finish(core, table, item, row)
 
 
-def _answered(core: Core, table: Table, item: StoredItem) -> bool:
+def _has_answer(core: Core, table: Table, item: StoredItem) -> bool:
     try:
         host = IPv4Address(core.store.text(table, item, "host") or "")
     except AddressValueError:
@@ -182,29 +182,33 @@ def _answered(core: Core, table: Table, item: StoredItem) -> bool:
 
 def _finish(core: Core, table: Table, item: StoredItem, row: NetwatchState) -> None:
     """End a test: tell what it has shown, run what hangs on it, and wait for the next one."""
-    ended = row.at
-    lost = 100 * (row.sent - row.answered) / row.sent
-    limit = core.store.text(table, item, "thr-loss-percent") if row.sent > 1 else None
-    status = "down" if lost > float((limit or f"{_LOSS_PERCENT}").rstrip("%")) else "up"
-    row.done, row.failed, row.last = row.done + 1, row.failed + (status == "down"), (row.sent, row.answered)
-    changed, row.status = row.status != status, status
-    row.since = ended if changed else row.since
-    row.begun = max(row.begun + _span(core, table, item, "interval"), ended)
-    row.at, row.sent, row.answered, row.waiting = row.begun, 0, 0, False
-    scripts = [f"{status}-script"] if changed and not _ignored(core, table, item, row, status) else []
+    end = row.at
+    loss_percent = 100 * (row.sent_count - row.answer_count) / row.sent_count
+    limit = core.store.text(table, item, "thr-loss-percent") if row.sent_count > 1 else None
+    status = "down" if loss_percent > float((limit or f"{_LOSS_PERCENT}").rstrip("%")) else "up"
+    row.test_count, row.failure_count, row.last = (
+        row.test_count + 1,
+        row.failure_count + (status == "down"),
+        (row.sent_count, row.answer_count),
+    )
+    has_changed, row.status = row.status != status, status
+    row.since = end if has_changed else row.since
+    row.start = max(row.start + _span(core, table, item, "interval"), end)
+    row.at, row.sent_count, row.answer_count, row.waiting = row.start, 0, 0, False
+    scripts = [f"{status}-script"] if has_changed and not _is_ignored(core, table, item, row, status) else []
     for name in (*scripts, "test-script"):
         if script := core.store.text(table, item, name):
             _run(core, script, row)
 
 
-def _ignored(core: Core, table: Table, item: StoredItem, row: NetwatchState, status: str) -> bool:
+def _is_ignored(core: Core, table: Table, item: StoredItem, row: NetwatchState, status: str) -> bool:
     """From 7.17 the first status may be told not to run its script."""
-    return row.done == 1 and core.store.text(table, item, f"ignore-initial-{status}") == "yes"
+    return row.test_count == 1 and core.store.text(table, item, f"ignore-initial-{status}") == "yes"
 
 
 def _run(core: Core, script: str, row: NetwatchState) -> None:
-    sent, answered = row.last
-    variables = {"sent-count": str(sent), "response-count": str(answered), "status": row.status}
+    sent_count, answer_count = row.last
+    variables = {"sent-count": str(sent_count), "response-count": str(answer_count), "status": row.status}
     error = run_script(core, _NETWATCH, script, variables).error
     if error is not None:
         core.note("script,error", error)

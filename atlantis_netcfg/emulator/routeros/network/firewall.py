@@ -51,15 +51,15 @@ class Packet:
 
 
 def walk(  # noqa: PLR0913 - one packet, and where it is
-    topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0, *, met: list[int] | None = None
+    topology: Topology, path: str, chain: str, packet: Packet, depth: int = 0, *, matched_ids: list[int] | None = None
 ) -> PacketVerdict:
-    """Follow a chain and the chains that it jumps to; the ids of the rules that matched are added to `met`."""
+    """Follow a chain and the chains that it jumps to; the ids of the rules that matched are added to `matched_ids`."""
     table = topology.store.table(path)
     for item in table.items:
         if not _in_force(topology, table, item, chain) or not _matches(topology, table, item, packet):
             continue
-        if met is not None:
-            met.append(item.id)
+        if matched_ids is not None:
+            matched_ids.append(item.id)
         action = topology.store.text(table, item, "action")
         if action in _CLOSING:
             return PacketVerdict.DROP
@@ -69,7 +69,7 @@ def walk(  # noqa: PLR0913 - one packet, and where it is
             return PacketVerdict.FALL
         if action == "jump" and depth < _DEEPEST:
             target = topology.store.text(table, item, "jump-target") or ""
-            verdict = walk(topology, path, target, packet, depth + 1, met=met)
+            verdict = walk(topology, path, target, packet, depth + 1, matched_ids=matched_ids)
             if verdict is not PacketVerdict.FALL:
                 return verdict
     return PacketVerdict.FALL
@@ -82,30 +82,30 @@ def _in_force(topology: Topology, table: Table, item: StoredItem, chain: str) ->
 
 def _matches(topology: Topology, table: Table, item: StoredItem, packet: Packet) -> bool:
     closing = topology.store.text(table, item, "action") in _CLOSING
-    for name, stored in item.values.items():
+    for name, stored_value in item.values.items():
         if name not in _MATCHERS:
             continue
-        decided = _decide(topology, name, stored, packet)
-        if not (closing if decided is None else decided):
+        verdict = _decide(topology, name, stored_value, packet)
+        if not (closing if verdict is None else verdict):
             return False
     return True
 
 
-def _decide(topology: Topology, name: str, stored: str, packet: Packet) -> bool | None:
+def _decide(topology: Topology, name: str, stored_value: str, packet: Packet) -> bool | None:
     """Tell whether one matcher fits; None: that cannot be known."""
-    negated, plain = stored.startswith("!"), stored.removeprefix("!")
+    is_negated, plain = stored_value.startswith("!"), stored_value.removeprefix("!")
     value = spell(plain, topology.store)
-    found = _decide_plain(topology, name, plain, value, packet)
-    return None if found is None else found != negated
+    verdict = _decide_plain(topology, name, plain, value, packet)
+    return None if verdict is None else verdict != is_negated
 
 
-def _decide_plain(topology: Topology, name: str, stored: str, value: str, packet: Packet) -> bool | None:
+def _decide_plain(topology: Topology, name: str, stored_value: str, value: str, packet: Packet) -> bool | None:
     if name in _FIELDS:
         field = getattr(packet, _FIELDS[name])
         if name in _INTERFACES:
-            return _is_interface(topology, stored, field)
+            return _is_interface(topology, stored_value, field)
         if name in _INTERFACE_LISTS:
-            return _in_list(topology, stored, field)
+            return _in_list(topology, stored_value, field)
         return _of_packet(topology, name, value, field)
     if name in _PORT_MATCHERS:
         return any(_port_in(getattr(packet, which), value) for which in _PORT_MATCHERS[name])
@@ -121,7 +121,7 @@ def _of_packet(topology: Topology, name: str, value: str, field: IPv4Address | s
     if name in _ADDRESSES:
         return _within(field, value)
     if name in _ADDRESS_LISTS:
-        return _listed(topology, value, field)
+        return _in_address_list(topology, value, field)
     return _type(topology, field) in value.split(",")
 
 
@@ -156,7 +156,7 @@ _FIELDS = {
     **_INTERFACE_LISTS,
 }
 _MARKS = ("connection-mark", "packet-mark", "routing-mark")
-_UNDECIDED = (
+_UNDECIDABLE = (
     "connection-bytes",
     "connection-limit",
     "connection-rate",
@@ -187,7 +187,7 @@ _UNDECIDED = (
     "tos",
     "ttl",
 )
-_MATCHERS = frozenset({"connection-nat-state", *_FIELDS, *_PORT_MATCHERS, *_MARKS, *_UNDECIDED})
+_MATCHERS = frozenset({"connection-nat-state", *_FIELDS, *_PORT_MATCHERS, *_MARKS, *_UNDECIDABLE})
 
 
 def _within(address: IPv4Address, value: str) -> bool:
@@ -197,7 +197,7 @@ def _within(address: IPv4Address, value: str) -> bool:
     return address in IPv4Network(value)
 
 
-def _listed(topology: Topology, name: str, address: IPv4Address) -> bool:
+def _in_address_list(topology: Topology, name: str, address: IPv4Address) -> bool:
     """Entries that are DNS names hold no address here: the twin resolves nothing."""
     store, table = topology.store, topology.store.table("/ip/firewall/address-list")
     for item in table.items:
@@ -217,15 +217,17 @@ def _type(topology: Topology, address: IPv4Address) -> str:
     return "broadcast" if address in broadcasts else "unicast"
 
 
-def _is_interface(topology: Topology, stored: str, interface: int | None) -> bool:
-    if stored.startswith("all-"):
-        known = topology.interfaces.get(interface or 0)
-        return known is not None and stored == "all-ethernet" and known.menu == "/interface/ethernet"
-    return interface is not None and interface in {number for _, number in references(stored)}
+def _is_interface(topology: Topology, stored_value: str, interface: int | None) -> bool:
+    if stored_value.startswith("all-"):
+        item = topology.interfaces.get(interface or 0)
+        return item is not None and stored_value == "all-ethernet" and item.menu == "/interface/ethernet"
+    return interface is not None and interface in {number for _, number in references(stored_value)}
 
 
-def _in_list(topology: Topology, stored: str, interface: int | None) -> bool:
-    return interface is not None and any(topology.listed(number, interface) for _, number in references(stored))
+def _in_list(topology: Topology, stored_value: str, interface: int | None) -> bool:
+    return interface is not None and any(
+        topology.is_in_list(number, interface) for _, number in references(stored_value)
+    )
 
 
 def _port_in(port: int | None, value: str) -> bool:

@@ -25,7 +25,7 @@ _FILTER, _RAW, _NAT = "/ip/firewall/filter", "/ip/firewall/raw", "/ip/firewall/n
 
 
 def path_open(  # noqa: PLR0913 - one packet's two ends
-    core: Core, caller: str, local: str, service: str, *, established: bool, plug: str | None = None
+    core: Core, caller: str, local: str, service: str, *, is_established: bool, plug: str | None = None
 ) -> bool:
     """Walk a packet in and its answer out; for a new session the connection's later packets have to pass as well.
 
@@ -38,11 +38,11 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
         return False
     interface = topology.interfaces[entry].master or entry
     src, dst = IPv4Address(caller), IPv4Address(local)
-    if not established and not _on(core, service):
+    if not is_established and not _on(core, service):
         return False
     if not _receives(core, entry, interface, dst):
         return False
-    states = ("established",) if established else ("new", "established")
+    states = ("established",) if is_established else ("new", "established")
     return all(
         _round_trip(
             topology,
@@ -54,8 +54,8 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
 
 def _port(core: Core, plug: str) -> int | None:
     """Return the interface of a socket or radio by its factory name, however it is called now."""
-    found = core.topology.factory(plug)
-    return None if found is None else found.id
+    interface = core.topology.factory(plug)
+    return None if interface is None else interface.id
 
 
 def _service_port(core: Core, service: str) -> int | None:
@@ -77,7 +77,7 @@ def _receives(core: Core, entry: int, interface: int, dst: IPv4Address) -> bool:
     """Tell whether the router has the address where the packet comes in, and answers ARP for it there."""
     topology = core.topology
     here = [local for local in topology.locals if local.works and local.address.ip == dst and local.on == interface]
-    return bool(here) and _arp(topology, interface) and (entry == interface or _bridged(core, entry, interface))
+    return bool(here) and _arp(topology, interface) and (entry == interface or _reaches_bridge(core, entry, interface))
 
 
 def _arp(topology: Topology, interface: int) -> bool:
@@ -86,7 +86,7 @@ def _arp(topology: Topology, interface: int) -> bool:
     return item is not None and topology.store.text(table, item, "arp") in ("enabled", "proxy-arp", "local-proxy-arp")
 
 
-def _bridged(core: Core, entry: int, bridge: int) -> bool:
+def _reaches_bridge(core: Core, entry: int, bridge: int) -> bool:
     """Tell whether untagged frames get from the port to the bridge itself."""
     store = core.store
     bridges = store.table("/interface/bridge")
@@ -103,7 +103,7 @@ def _bridged(core: Core, entry: int, bridge: int) -> bool:
 def _round_trip(topology: Topology, packet: Packet) -> bool:
     if walk(topology, _RAW, "prerouting", packet) is PacketVerdict.DROP:
         return False
-    if packet.state == "new" and _hijacked(topology, packet):
+    if packet.state == "new" and _is_redirected(topology, packet):
         return False
     if walk(topology, _FILTER, "input", packet) is PacketVerdict.DROP:
         return False
@@ -122,7 +122,7 @@ def _round_trip(topology: Topology, packet: Packet) -> bool:
     return all(walk(topology, table, "output", answer) is not PacketVerdict.DROP for table in (_RAW, _FILTER))
 
 
-def _hijacked(topology: Topology, packet: Packet) -> bool:
+def _is_redirected(topology: Topology, packet: Packet) -> bool:
     """Tell whether dstnat would send the first packet somewhere else."""
     return walk(topology, _NAT, "dstnat", packet) is PacketVerdict.DROP
 

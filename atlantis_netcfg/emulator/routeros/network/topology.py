@@ -36,7 +36,7 @@ class Interface:
     id: int
     name: str
     menu: str
-    enabled: bool
+    is_enabled: bool
     running: bool
     master: int | None = None
 
@@ -66,8 +66,8 @@ class Route:
     gateway: IPv4Address | None
     via: int | None
     blackhole: bool
-    connected: bool
-    enabled: bool = True
+    is_connected: bool
+    is_enabled: bool = True
     active: bool = False
     hops: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
     way: list[tuple[IPv4Address | None, int]] = field(default_factory=list)
@@ -78,17 +78,17 @@ class Topology:
     """Computed once per revision of the store."""
 
     def __init__(
-        self, store: RowStore, linked: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
+        self, store: RowStore, linked_radios: frozenset[int] = frozenset(), dead: frozenset[IPv4Address] = frozenset()
     ) -> None:
-        """`linked`: radios that are connected to another one; `dead`: gateways that `check-gateway` has given up."""
+        """`linked_radios`: radios connected to another one; `dead`: gateways that `check-gateway` gave up."""
         self.store = store
-        self._linked = linked
+        self._linked = linked_radios
         self._dead = dead
         self.revision = store.revision
         self.interfaces = {interface.id: interface for interface in self._interfaces()}
         self._enslave()
         self.locals = list(self._locals())
-        self.routes = [*self._connected(), *self._static()]
+        self.routes = [*self._connected_routes(), *self._static()]
         self._decide()
 
     # --- interfaces ------------------------------------------------------------------------------------------------
@@ -96,14 +96,14 @@ class Topology:
     def _interfaces(self) -> Iterator[Interface]:
         for table in self.store.space_tables("interface"):
             for item in table.items:
-                enabled = self.store.text(table, item, "disabled") != "yes"
-                up = enabled and (
+                is_enabled = self.store.text(table, item, "disabled") != "yes"
+                up = is_enabled and (
                     table.menu.path in ("/interface", "/interface/ethernet", "/interface/bridge")
                     or item.id in self._linked
                     or self.store.text(table, item, "disable-running-check") == "yes"
                 )
                 name = self.store.text(table, item, "name") or ""
-                yield Interface(item.id, name, table.menu.path, enabled, up)
+                yield Interface(item.id, name, table.menu.path, is_enabled, up)
 
     def _enslave(self) -> None:
         table = self.store.table("/interface/bridge/port")
@@ -117,14 +117,16 @@ class Topology:
 
     def port_members(self, item: StoredItem) -> list[int]:
         """Return the interfaces that a bridge port row stands for: one, or those of a list."""
-        pointed = list(references(item.values.get("interface", "")))
+        targets = list(references(item.values.get("interface", "")))
         return [
             member
-            for space, number in pointed
-            for member in ([number] if space == "interface" else [i for i in self.interfaces if self.listed(number, i)])
+            for space, number in targets
+            for member in (
+                [number] if space == "interface" else [i for i in self.interfaces if self.is_in_list(number, i)]
+            )
         ]
 
-    def listed(self, list_id: int, interface: int, depth: int = 0) -> bool:
+    def is_in_list(self, list_id: int, interface: int, depth: int = 0) -> bool:
         """Tell whether an interface belongs to an interface list."""
         if list_id in (_ALL, _STATIC):
             return True
@@ -134,11 +136,13 @@ class Topology:
         item = lists.find(list_id)
         if item is None:
             return False
-        excluded = [number for _, number in references(item.values.get("exclude", ""))]
-        if any(self.listed(number, interface, depth + 1) for number in excluded):
+        excluded_lists = [number for _, number in references(item.values.get("exclude", ""))]
+        if any(self.is_in_list(number, interface, depth + 1) for number in excluded_lists):
             return False
-        included = [number for _, number in references(item.values.get("include", ""))]
-        return self._member(list_id, interface) or any(self.listed(number, interface, depth + 1) for number in included)
+        included_lists = [number for _, number in references(item.values.get("include", ""))]
+        return self._member(list_id, interface) or any(
+            self.is_in_list(number, interface, depth + 1) for number in included_lists
+        )
 
     def _member(self, list_id: int, interface: int) -> bool:
         table = self.store.table("/interface/list/member")
@@ -155,8 +159,8 @@ class Topology:
 
     def name(self, number: int | None) -> str:
         """Return an interface's name, `*ID` once it has gone."""
-        found = self.interfaces.get(number or 0)
-        return found.name if found is not None else f"*{number or 0:X}"
+        interface = self.interfaces.get(number or 0)
+        return interface.name if interface is not None else f"*{number or 0:X}"
 
     def factory(self, name: str) -> Interface | None:
         """Return the port or radio with that factory name, however it is called now."""
@@ -175,7 +179,7 @@ class Topology:
     def up(self, number: int | None) -> bool:
         """Tell whether an interface is there, enabled and running, and its bridge too."""
         interface = self.interfaces.get(number or 0)
-        if interface is None or not interface.enabled:
+        if interface is None or not interface.is_enabled:
             return False
         return interface.running if interface.master is None else self.up(interface.master)
 
@@ -199,7 +203,7 @@ class Topology:
 
     # --- routes ----------------------------------------------------------------------------------------------------
 
-    def _connected(self) -> Iterator[Route]:
+    def _connected_routes(self) -> Iterator[Route]:
         for local in self.locals:
             table = self.store.table("/ip/address")
             item = table.find(local.item)
@@ -240,8 +244,8 @@ class Topology:
                 IPv4Address(address) if address and ":" not in address else None,
                 next((number for _, number in references(hop)), None),
                 "blackhole" in item.values,
-                connected=False,
-                enabled=self.store.text(table, item, "disabled") != "yes",
+                is_connected=False,
+                is_enabled=self.store.text(table, item, "disabled") != "yes",
             )
 
     def _decide(self) -> None:
@@ -249,7 +253,7 @@ class Topology:
         for _ in range(len(self.routes) + 2):
             before = [(route.active, list(route.hops)) for route in self.routes]
             for route in self.routes:
-                if not route.connected:
+                if not route.is_connected:
                     route.way = self._resolve(route)
                     route.hops = [] if route.gateway in self._dead else route.way
             self._elect()
@@ -257,21 +261,21 @@ class Topology:
                 return
 
     def _resolve(self, route: Route) -> list[tuple[IPv4Address | None, int]]:
-        if route.blackhole or not route.enabled:
+        if route.blackhole or not route.is_enabled:
             return []
         if route.gateway is None or route.via is not None:
             return [(route.gateway, route.via)] if route.via is not None and self.up(route.via) else []
         if self.is_local(route.gateway):
             return []
         best = self.lookup(route.gateway, MAIN, most_scope=route.target_scope, besides=route)
-        hops = [hop for found in best for hop in found.hops]
+        hops = [hop for candidate in best for hop in candidate.hops]
         return [(hop or route.gateway, interface) for hop, interface in hops]
 
     def _elect(self) -> None:
         groups: dict[tuple[int, IPv4Network], list[Route]] = {}
         for route in self.routes:
             route.active = False
-            if route.enabled and (route.hops or route.blackhole) and self._has_table(route.table):
+            if route.is_enabled and (route.hops or route.blackhole) and self._has_table(route.table):
                 groups.setdefault((route.table, route.destination), []).append(route)
         for group in groups.values():
             best = min(route.distance for route in group)

@@ -20,7 +20,7 @@ ECHO_BYTES = 84
 _FILTER, _MANGLE = "/ip/firewall/filter", "/ip/firewall/mangle"
 
 
-def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, answered: bool) -> None:
+def count_echoes(core: Core, target: IPv4Address, source: str | None, number: int, *, has_answer: bool) -> None:
     """Count echo requests on their way out, and their answers on their way in; one that is dropped is not sent."""
     topology = core.topology
     src = IPv4Address(source) if source else None
@@ -31,13 +31,13 @@ def count_echoes(core: Core, target: IPv4Address, source: str | None, number: in
     port = topology.interfaces[way].name
     octets = number * ECHO_BYTES
     request = Packet(address, target, "new", "icmp", out_interface=way)
-    if _met(core, _FILTER, "output", request, number, octets) is PacketVerdict.DROP:
+    if _count_matches(core, _FILTER, "output", request, number, octets) is PacketVerdict.DROP:
         return
-    core.count(port, received=False, size=octets)
-    if answered:
-        core.count(port, received=True, size=octets)
+    core.count(port, is_received=False, size=octets)
+    if has_answer:
+        core.count(port, is_received=True, size=octets)
         reply = Packet(target, address, "established", "icmp", in_interface=way)
-        _met(core, _FILTER, "input", reply, number, octets)
+        _count_matches(core, _FILTER, "input", reply, number, octets)
 
 
 def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
@@ -73,21 +73,21 @@ def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
         out_interface=entry,
     )
     name = topology.interfaces[way].name
-    _met(core, _MANGLE, "forward", out, *up)
-    if _met(core, _FILTER, "forward", out, *up) is not PacketVerdict.ACCEPT:
+    _count_matches(core, _MANGLE, "forward", out, *up)
+    if _count_matches(core, _FILTER, "forward", out, *up) is not PacketVerdict.ACCEPT:
         return {"port": name, "passed": False}
-    core.count(name, received=False, size=up[1])
-    _met(core, _MANGLE, "forward", back, *down)
-    core.count(name, received=True, size=down[1])
-    passed = _met(core, _FILTER, "forward", back, *down) is PacketVerdict.ACCEPT
-    return {"port": name, "passed": passed}
+    core.count(name, is_received=False, size=up[1])
+    _count_matches(core, _MANGLE, "forward", back, *down)
+    core.count(name, is_received=True, size=down[1])
+    has_passed = _count_matches(core, _FILTER, "forward", back, *down) is PacketVerdict.ACCEPT
+    return {"port": name, "passed": has_passed}
 
 
-def _met(  # noqa: PLR0913, PLR0917 - packets in a chain
+def _count_matches(  # noqa: PLR0913, PLR0917 - packets in a chain
     core: Core, table: str, chain: str, packet: Packet, number: int, octets: int
 ) -> PacketVerdict:
     rules: list[int] = []
-    verdict = walk(core.topology, table, chain, packet, met=rules)
+    verdict = walk(core.topology, table, chain, packet, matched_ids=rules)
     for rule in rules:
         packets, bytes_met = core.met.get((table, rule), (0, 0))
         core.met[table, rule] = packets + number, bytes_met + octets

@@ -127,7 +127,7 @@ def why_not(settings: RadioSettings, other: RadioSettings, air: Air) -> str:
 
 
 def _reasons(settings: RadioSettings, other: RadioSettings, air: Air) -> Iterator[str]:
-    if not (settings.enabled and other.enabled):
+    if not (settings.is_enabled and other.is_enabled):
         yield "a radio is disabled"
     if settings.is_ap == other.is_ap:
         yield "both ends are access points" if settings.is_ap else "no end is an access point"

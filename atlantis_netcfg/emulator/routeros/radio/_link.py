@@ -40,9 +40,9 @@ class _RadioEnd:
 
     def look(self, now: float) -> None:
         """See what it is set to now; a router that boots has no radio."""
-        found = None if self.router.booting else settings_of(self.core, self.radio)
-        if found != self.settings:
-            self.settings, self.since = found, now
+        settings = None if self.router.booting else settings_of(self.core, self.radio)
+        if settings != self.settings:
+            self.settings, self.since = settings, now
 
 
 class RadioLink:
@@ -94,12 +94,12 @@ class RadioLink:
         up = due <= now
         if up and not self.up:
             self.since = now
-        changed, self.up = up is not self.up, up
+        has_changed, self.up = up is not self.up, up
         self._wake(due, now)
         self._show(now)
-        carried = self._carries()
-        if changed or carried is not self._carried:
-            self._carried = carried
+        is_carrying = self._carries()
+        if has_changed or is_carrying is not self._carried:
+            self._carried = is_carrying
             for end in (self.near, self.far):
                 end.router.regate()
 
@@ -119,11 +119,11 @@ class RadioLink:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        moments = [moment for moment in (due, *self._listened()) if now < moment < float("inf")]
+        moments = [moment for moment in (due, *self._listen_ends()) if now < moment < float("inf")]
         if moments:
             self._timer = asyncio.get_running_loop().call_at(min(moments), self.look)
 
-    def _listened(self) -> list[float]:
+    def _listen_ends(self) -> list[float]:
         """When access points have listened for long enough."""
         ends = (self.near, self.far)
         return [end.since + self._wait(end.settings) for end in ends if end.settings is not None and end.settings.is_ap]
@@ -142,29 +142,29 @@ class RadioLink:
         far = self.far
         if far.router.spec.management.port == far.radio:
             return False
-        return far.settings is None or not far.settings.enabled
+        return far.settings is None or not far.settings.is_enabled
 
     def _show(self, now: float) -> None:
         """Let both devices show what their radios see."""
         for end, other in ((self.near, self.far), (self.far, self.near)):
-            found = radio_item(end.core, end.radio)
-            if found is None or end.settings is None:
+            radio = radio_item(end.core, end.radio)
+            if radio is None or end.settings is None:
                 continue
             end.core.radios[end.radio] = self._state(end, end.settings, other.settings, now)
-            linked = end.core.linked | {found[1].id} if self.up else end.core.linked - {found[1].id}
-            if linked != end.core.linked:
-                end.core.linked = linked
+            linked_radios = end.core.linked | {radio[1].id} if self.up else end.core.linked - {radio[1].id}
+            if linked_radios != end.core.linked:
+                end.core.linked = linked_radios
                 end.core.store.revision += 1
 
     def _state(self, end: _RadioEnd, mine: RadioSettings, theirs: RadioSettings | None, now: float) -> RadioState:
-        if not mine.enabled:
+        if not mine.is_enabled:
             return RadioState("disabled")
         peer = None
         if self.up and theirs is not None:
             channel = (mine if mine.is_ap else theirs).channel_mhz
-            received = signal_dbm(theirs, mine, channel, self.air)
+            near_signal = signal_dbm(theirs, mine, channel, self.air)
             there = signal_dbm(mine, theirs, channel, self.air)
-            peer = Peer(theirs, received, there, channel, self.since, max(1, round(self.air.distance_m / 1000)))
+            peer = Peer(theirs, near_signal, there, channel, self.since, max(1, round(self.air.distance_m / 1000)))
         if not mine.is_ap:
             return RadioState("connected-to-ess" if peer is not None else "searching-for-network", peer)
         if why_silent(mine, self.air):

@@ -47,10 +47,10 @@ def radio_spec(core: Core, name: str) -> Radio:
 
 def settings_of(core: Core, name: str) -> RadioSettings | None:
     """Return what the radio with this factory name is set to; None if nothing drives it."""
-    found = radio_item(core, name)
-    if found is None:
+    radio = radio_item(core, name)
+    if radio is None:
         return None
-    table, item = found
+    table, item = radio
     return _legacy(core, table, item) if table.menu.path == LEGACY else _wifi(core, table, item)
 
 
@@ -72,7 +72,7 @@ def _legacy(core: Core, table: Table, item: StoredItem) -> RadioSettings:
         driver=Driver.WIRELESS,
         mac=text("mac-address"),
         radio_name=text("radio-name"),
-        enabled=text("disabled") != "yes",
+        is_enabled=text("disabled") != "yes",
         mode=text("mode"),
         bridges_stations=text("bridge-mode") == "enabled",
         protocol=text("wireless-protocol"),
@@ -133,38 +133,38 @@ def _lists(core: Core, radio: StoredItem) -> tuple[frozenset[str], frozenset[str
 
 
 def _wifi(core: Core, table: Table, item: StoredItem) -> RadioSettings:
-    given = {name: value for name, value in inherited(core.store, table, item).items() if value is not None}
+    values = {name: value for name, value in inherited_values(core.store, table, item).items() if value is not None}
     local = core.store.text
-    kinds = frozenset(kind for kind in given.get("security.authentication-types", "").split(",") if kind)
-    mode = given.get("configuration.mode", "ap")
-    ranges = _ranges(given.get("channel.frequency", "default"))
+    kinds = frozenset(kind for kind in values.get("security.authentication-types", "").split(",") if kind)
+    mode = values.get("configuration.mode", "ap")
+    ranges = _ranges(values.get("channel.frequency", "default"))
     card = radio_spec(core, (item.factory or {})["name"])
-    power = given.get("configuration.tx-power")
+    power = values.get("configuration.tx-power")
     return RadioSettings(
         driver=Driver.WIFI,
         mac=local(table, item, "mac-address") or "",
         radio_name=core.spec.name,
-        enabled=local(table, item, "disabled") != "yes",
+        is_enabled=local(table, item, "disabled") != "yes",
         mode=mode,
         bridges_stations=True,
         protocol="802.11",
-        ssid=given.get("configuration.ssid", ""),
-        band=given.get("channel.band", ""),
-        width=given.get("channel.width", ""),
+        ssid=values.get("configuration.ssid", ""),
+        band=values.get("channel.band", ""),
+        width=values.get("channel.width", ""),
         frequency=ranges[0][0] if ranges else None,
         scans=ranges if mode != "ap" else None,
-        country=given.get("configuration.country", "Latvia"),
-        outdoor=given.get("configuration.installation") == "outdoor",
-        lawless=given.get("configuration.country") == "Superchannel",
+        country=values.get("configuration.country", "Latvia"),
+        outdoor=values.get("configuration.installation") == "outdoor",
+        lawless=values.get("configuration.country") == "Superchannel",
         authentication=kinds,
-        passphrase=given.get("security.passphrase", ""),
+        passphrase=values.get("security.passphrase", ""),
         nv2_key=None,
-        reach_km=float(given.get("configuration.distance", _USUAL_REACH_KM)),
+        reach_km=float(values.get("configuration.distance", _USUAL_REACH_KM)),
         power_dbm=card.power_dbm if power is None else min(card.power_dbm, float(power)),
         gain_dbi=card.gain_dbi,
         refuses=frozenset(),
         admits=frozenset(),
-        rest=_rest(given),
+        rest=_rest(values),
     )
 
 
@@ -177,7 +177,7 @@ def _ranges(text: str) -> tuple[tuple[int, int], ...] | None:
     return tuple((int(low), int(high or low)) for low, _, high in ends)
 
 
-def inherited(store: RowStore, table: Table, item: StoredItem) -> dict[str, str | None]:
+def inherited_values(store: RowStore, table: Table, item: StoredItem) -> dict[str, str | None]:
     """Return every property that a row amounts to, by its full name, in the spelling of exports."""
     result: dict[str, str | None] = {}
     for name, value in _layers(store, table, item):

@@ -27,7 +27,7 @@ class RadioSettings:
     driver: Driver
     mac: str
     radio_name: str
-    enabled: bool
+    is_enabled: bool
     mode: str
     """The device's own word: `bridge`, `ap-bridge`, `ap`, `station-bridge` ..."""
     bridges_stations: bool

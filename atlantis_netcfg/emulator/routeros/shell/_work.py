@@ -6,8 +6,8 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.emulator.routeros.device import Printed
-from atlantis_netcfg.emulator.routeros.wire.link import FaultKind, LinkFault, TrafficCounters, masked
+from atlantis_netcfg.emulator.routeros.device import ConsoleReply
+from atlantis_netcfg.emulator.routeros.wire.link import FaultKind, LinkFault, TrafficCounters, mask_words
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.wire.host import RouterHost
 
 
-class Gone(Exception):
+class ConnectionLost(Exception):
     """The connection under the work has ended: nothing more is to be done for it."""
 
 
@@ -37,17 +37,17 @@ class WorkItem:
         self._host = host
         self._wire = wire
 
-    async def run(self, line: str, action: Callable[[], Printed]) -> Printed:
+    async def run(self, line: str, action: Callable[[], ConsoleReply]) -> ConsoleReply:
         """Run `action`, which the client asked for by `line`. Raises Gone; hangs for ever if a fault says so."""
         faults = await self.begin(line)
-        printed = action()
+        reply = action()
         await self.end(faults)
-        return _spoilt(faults, printed)
+        return _spoilt(faults, reply)
 
     async def begin(self, line: str) -> list[LinkFault]:
         """What comes before the work."""
         self._wire.tally.counters.sentences += 1
-        self._wire.tally.sentences.append(masked((line,)))
+        self._wire.tally.sentences.append(mask_words((line,)))
         faults = self._host.upon(line)
         await self._suffer(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
@@ -63,7 +63,7 @@ class WorkItem:
 
     def _check(self) -> None:
         if self._wire.over:
-            raise Gone
+            raise ConnectionLost
 
     async def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
         for fault in faults:
@@ -79,13 +79,13 @@ class WorkItem:
                 self._host.strike(fault)
 
 
-def _spoilt(faults: Sequence[LinkFault], printed: Printed) -> Printed:
-    text = printed.text
+def _spoilt(faults: Sequence[LinkFault], reply: ConsoleReply) -> ConsoleReply:
+    text = reply.text
     for fault in faults:
         at = fault.offset
         if fault.do is FaultKind.TRUNCATE:
-            return Printed(text[: len(text) // 2 if at is None else at], over=True)
+            return ConsoleReply(text[: len(text) // 2 if at is None else at], over=True)
         if fault.do is FaultKind.GARBAGE:
             garbage = bytes.fromhex(fault.data).decode(errors="surrogateescape")
-            return replace(printed, text=text[: at or 0] + garbage + text[at or 0 :])
-    return printed
+            return replace(reply, text=text[: at or 0] + garbage + text[at or 0 :])
+    return reply

@@ -40,7 +40,7 @@ class Key(Enum):
     CANCEL = auto()
     EOF = auto()
     SAFE = auto()
-    IDENTIFIED = auto()
+    TERMINAL_ID = auto()
     """The terminal says what it is."""
 
 
@@ -85,7 +85,7 @@ _SEQUENCES = {
     "OC": Key.RIGHT,
     "OD": Key.LEFT,
     "OS": Key.SAFE,
-    "/Z": Key.IDENTIFIED,
+    "/Z": Key.TERMINAL_ID,
 }
 _WHOLE = re.compile(r"\[[0-9;?]*[@-~]|O[A-Za-z]|/Z|[^\[O/]")
 _REPORT = re.compile(r"\[(\d+);(\d+)R")
@@ -109,12 +109,12 @@ class Keyboard:
     def _key(self, char: str) -> str | Key | Position | None:
         if self._escape is not None:
             return self._sequence(char)
-        returned, self._returned = self._returned, char == "\r"
+        was_return, self._returned = self._returned, char == "\r"
         if char == "\x1b":
             self._escape = ""
             return None
         if char == "\n":
-            return Key.FEED if returned else Key.ENTER
+            return Key.FEED if was_return else Key.ENTER
         if char == "\r":
             return Key.ENTER
         if char in _CONTROL:
@@ -129,7 +129,7 @@ class Keyboard:
         if (report := _REPORT.fullmatch(whole)) is not None:
             return Position(int(report[1]), int(report[2]))
         if whole.startswith("[?") and whole.endswith("c"):
-            return Key.IDENTIFIED
+            return Key.TERMINAL_ID
         return _SEQUENCES.get(whole)
 
 
@@ -149,12 +149,12 @@ class EditedLine:
     text: str = ""
     at: int = 0
     secret: bool = False
-    _shown: int = field(default=0)
+    _visible_width: int = field(default=0)
 
     def begin(self, prompt: str, *, secret: bool = False) -> str:
         """Start an empty line."""
         self.prompt, self.text, self.at, self.secret = prompt, "", 0, secret
-        self._shown = 0
+        self._visible_width = 0
         return self.paint()
 
     def paint(self) -> str:
@@ -162,15 +162,15 @@ class EditedLine:
         visible = self._visible()
         padding = ""
         if self.screen.dumb:
-            padding = " " * max(0, self._shown - len(visible))
+            padding = " " * max(0, self._visible_width - len(visible))
             padding += "\b" * len(padding)
-        self._shown = len(visible)
+        self._visible_width = len(visible)
         back = "\b" * (len(self.text) - self.at)
         return visible + (padding if self.screen.dumb else _ERASE) + back
 
     def afresh(self) -> str:
         """Draw it on a line that is empty."""
-        self._shown = 0
+        self._visible_width = 0
         return self.paint()
 
     def repaint(self) -> str:
@@ -184,7 +184,7 @@ class EditedLine:
         if self.secret:
             return "*"
         if self.at == len(self.text) and len(self.prompt) + len(self.text) < self.screen.width:
-            self._shown += len(char)
+            self._visible_width += len(char)
             return char
         return self.repaint()
 
@@ -198,7 +198,7 @@ class EditedLine:
         if self.secret:
             return "\b \b"
         if start == len(self.text) and len(self.prompt) + len(self.text) < self.screen.width - 1:
-            self._shown -= 1
+            self._visible_width -= 1
             return "\b \b"
         return self.repaint()
 
@@ -225,7 +225,7 @@ class EditedLine:
         return whole if len(whole) <= room else "<" + whole[len(whole) - room + 1 :]
 
 
-def folded(text: str, width: int) -> list[str]:
+def fold(text: str, width: int) -> list[str]:
     """The lines of `text`, none longer than the screen; clients that parse ask for a wide one."""
     result: list[str] = []
     for line in text.split("\n"):
@@ -237,19 +237,19 @@ class Pages:
     """What is still to be shown of one output."""
 
     def __init__(self, text: str, screen: Screen) -> None:
-        self._lines = folded(text, screen.width) if text else []
+        self._lines = fold(text, screen.width) if text else []
         self._room = max(screen.height - 1, 1)
 
     @property
-    def done(self) -> bool:
+    def is_done(self) -> bool:
         """Everything was shown."""
         return not self._lines
 
     def next(self, count: int | None = None) -> str:
         """The next lines: a page of them, or so many."""
         count = count or self._room
-        shown, self._lines = self._lines[:count], self._lines[count:]
-        return "".join(f"{line}\r\n" for line in shown)
+        lines, self._lines = self._lines[:count], self._lines[count:]
+        return "".join(f"{line}\r\n" for line in lines)
 
     def rest(self) -> str:
         """All of it."""
@@ -271,10 +271,10 @@ class Screen:
     """Ask the terminal what and how large it is."""
     width: int = _WIDTH
     height: int = _HEIGHT
-    requested: tuple[int, int] = (0, 0)
+    requested_size: tuple[int, int] = (0, 0)
     """Width and height that the flags ask for; zero where they say nothing."""
 
-    def sized(self, width: int, height: int) -> Screen:
+    def resize(self, width: int, height: int) -> Screen:
         """The same with another size; zero is no size."""
         return replace(self, width=width or self.width, height=height or self.height)
 
@@ -294,7 +294,7 @@ def split_login(name: str) -> tuple[str, Screen]:
         return user, screen
     for number, letter in _FLAG.findall(flags):
         screen = _with(screen, letter, int(number or 0))
-    return user, screen.sized(*screen.requested)
+    return user, screen.resize(*screen.requested_size)
 
 
 def _with(screen: Screen, letter: str, number: int) -> Screen:
@@ -305,7 +305,7 @@ def _with(screen: Screen, letter: str, number: int) -> Screen:
     if letter == "t":
         return replace(screen, detect=False)
     if letter == "w":
-        return replace(screen, requested=(number, screen.requested[1]))
+        return replace(screen, requested_size=(number, screen.requested_size[1]))
     if letter == "h":
-        return replace(screen, requested=(screen.requested[0], number))
+        return replace(screen, requested_size=(screen.requested_size[0], number))
     return screen

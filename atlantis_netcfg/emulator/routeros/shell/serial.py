@@ -13,18 +13,18 @@ import tty
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.shell._work import Gone
+from atlantis_netcfg.emulator.routeros.shell._work import ConnectionLost
 from atlantis_netcfg.emulator.routeros.shell.keys import Key, Keyboard, Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession, DirectTalk
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.device import Device, Printed
+    from atlantis_netcfg.emulator.routeros.device import ConsoleReply, Device
     from atlantis_netcfg.emulator.routeros.wire.host import RouterHost
 
 _MOST = 65536
-_KEPT = 262144
+_BUFFER_SIZE = 262144
 """Bytes that wait for a listener; older ones are lost, as on a line that nobody listens to."""
-_FAILED = "Login failed, incorrect username or password"
+_LOGIN_FAILED = "Login failed, incorrect username or password"
 _GOING_DOWN = "\r\nRebooting...\r\n"
 _STARTING = "\r\nRouterBOOT booter {version}\r\n\r\n{board}\r\n\r\nloading kernel... OK\r\nStarting services...\r\n"
 
@@ -48,7 +48,7 @@ class SerialLine:
 
     def start(self) -> None:
         """Begin to listen."""
-        asyncio.get_running_loop().add_reader(self._master, self._received)
+        asyncio.get_running_loop().add_reader(self._master, self._receive)
         self._begin()
 
     def close(self) -> None:
@@ -75,7 +75,7 @@ class SerialLine:
 
     def check(self) -> None:
         """Log out if somebody has removed this session from `/user/active`."""
-        if self._caller is not None and self._caller.number in self._device.ended:
+        if self._caller is not None and self._caller.number in self._device.closed_sessions:
             self._leave()
             self._end()
             self._begin()
@@ -91,13 +91,13 @@ class SerialLine:
 
     # --- bytes -----------------------------------------------------------------------------------------------------
 
-    def _received(self) -> None:
+    def _receive(self) -> None:
         with contextlib.suppress(BlockingIOError, OSError):
             self._typed.put_nowait(os.read(self._master, _MOST))
 
     def _say(self, data: bytes) -> None:
         self._unsaid += data
-        del self._unsaid[:-_KEPT]
+        del self._unsaid[:-_BUFFER_SIZE]
         self._flush()
 
     def _flush(self) -> None:
@@ -132,26 +132,26 @@ class SerialLine:
             await self._admit()
             try:
                 await self._converse()
-            except Gone:
+            except ConnectionLost:
                 return
             self._leave()
 
     async def _admit(self) -> None:
         while self._caller is None:
             self._say(b"Login: ")
-            name = await self._line(shown=True)
+            name = await self._line(has_echo=True)
             if not name:
                 continue
             self._say(b"Password: ")
-            password = await self._line(shown=False)
+            password = await self._line(has_echo=False)
             try:
                 self._caller = self._device.login(split_login(name)[0], password, via="console", address="")
             except Trap:
-                self._say(f"{_FAILED}\r\n\r\n".encode())
+                self._say(f"{_LOGIN_FAILED}\r\n\r\n".encode())
             else:
                 self._screen = split_login(name)[1]
 
-    async def _line(self, *, shown: bool) -> str:
+    async def _line(self, *, has_echo: bool) -> str:
         """A line typed without the console's editor."""
         text, keys = "", Keyboard()
         while True:
@@ -164,10 +164,10 @@ class SerialLine:
                         return text
                     if key is Key.BACKSPACE and text:
                         text = text[:-1]
-                        self._say(b"\b \b" if shown else b"")
+                        self._say(b"\b \b" if has_echo else b"")
                     elif isinstance(key, str):
                         text += key
-                        self._say(key.encode(errors="surrogateescape") if shown else b"")
+                        self._say(key.encode(errors="surrogateescape") if has_echo else b"")
 
     def _unread(self, data: bytes) -> None:
         """Put back what was typed ahead; the line feed of a CR LF is none."""
@@ -181,7 +181,7 @@ class SerialLine:
         if self._caller is None:
             return
         talk = _SettledTalk(self, self._host, self._device, self._caller)
-        self._session = session = ConsoleSession(talk, self._screen, self._say, sized=False)
+        self._session = session = ConsoleSession(talk, self._screen, self._say, has_size=False)
         await session.start()
         while not session.over:
             patience = None if session.begun else self._host.knobs.probe_s
@@ -210,21 +210,21 @@ class _SettledTalk(DirectTalk):
         self._line = line
         self._host = host
 
-    async def _settled(self, printed: Printed) -> Printed:
+    async def _settle(self, reply: ConsoleReply) -> ConsoleReply:
         await self._host.settle()
         self._host.tell()
         if not self._line.speaks(self.caller):
-            raise Gone  # the router went down, or somebody has logged this session out
-        return printed
+            raise ConnectionLost  # the router went down, or somebody has logged this session out
+        return reply
 
-    async def type(self, line: str, width: int | None) -> Printed:
+    async def type(self, line: str, width: int | None) -> ConsoleReply:
         """Run a line."""
-        return await self._settled(await super().type(line, width))
+        return await self._settle(await super().type(line, width))
 
-    async def safe_key(self, choice: str) -> Printed:
+    async def safe_key(self, choice: str) -> ConsoleReply:
         """Press Ctrl+X, or answer its question."""
-        return await self._settled(await super().safe_key(choice))
+        return await self._settle(await super().safe_key(choice))
 
-    async def confirm(self, line: str) -> Printed:
+    async def confirm(self, line: str) -> ConsoleReply:
         """Run a line whose question was answered with yes."""
-        return await self._settled(await super().confirm(line))
+        return await self._settle(await super().confirm(line))

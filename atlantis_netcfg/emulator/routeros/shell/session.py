@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.emulator.routeros.shell.keys import EditedLine, Key, Keyboard, Pages, Position, Screen, folded
+from atlantis_netcfg.emulator.routeros.shell.keys import EditedLine, Key, Keyboard, Pages, Position, Screen, fold
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from atlantis_netcfg.emulator.routeros.answers import Caller
-    from atlantis_netcfg.emulator.routeros.device import Device, Printed
+    from atlantis_netcfg.emulator.routeros.device import ConsoleReply, Device
 
 
 LICENCE = "Do you want to see the software license? [Y/n]: "
@@ -53,7 +53,7 @@ def pager(device: Device) -> str:
     return "-- [Q quit|D dump|down]" if device.at_least("7.0") else "-- [Q quit|D dump|right|down]"
 
 
-_REFUSED = "\x03"
+_CTRL_C = "\x03"
 
 
 class Greeting:
@@ -84,9 +84,9 @@ class Greeting:
 
     async def _licence(self, key: str) -> None:
         self._session.say(f"{key}\r\n" if key >= " " else "\r\n")
-        if key.lower() not in ("n", _REFUSED):
+        if key.lower() not in ("n", _CTRL_C):
             self._session.lines(LICENCE_TEXT)
-        self._device.greeted("licence")
+        self._device.finish_greeting("licence")
         await self.next()
 
     async def _defaults(self, key: str) -> None:
@@ -94,7 +94,7 @@ class Greeting:
             self._session.lines(self._device.default_configuration())
             self._session.ask("", self._defaults)
             return
-        self._device.greeted("default-configuration")
+        self._device.finish_greeting("default-configuration")
         if key.lower() == "r":
             await self._session.talk.remove_defaults()
         await self.next()
@@ -103,23 +103,23 @@ class Greeting:
         self._session.ask_secret(NEW_PASSWORD, self._first)
 
     async def _first(self, text: str) -> None:
-        if text == _REFUSED:
+        if text == _CTRL_C:
             await self.next()
             return
         self._expected = text
         self._session.ask_secret(REPEAT_PASSWORD, self._second)
 
     async def _second(self, text: str) -> None:
-        if text == _REFUSED:
+        if text == _CTRL_C:
             await self.next()
         elif text != self._expected:
             self._session.lines(MISMATCH)
             self._new_password()
-        elif refused := await self._session.talk.set_password(text):
-            self._session.lines(refused)
+        elif refusal := await self._session.talk.set_password(text):
+            self._session.lines(refusal)
             self._new_password()
         else:
-            self._device.greeted("password")
+            self._device.finish_greeting("password")
             self._session.lines(f"\n{PASSWORD_DONE}")
             await self.next()
 
@@ -140,14 +140,14 @@ class ConsoleSession:
     """
 
     def __init__(
-        self, talk: ConsoleDevice, screen: Screen, write: Callable[[bytes], None], *, sized: bool = True
+        self, talk: ConsoleDevice, screen: Screen, write: Callable[[bytes], None], *, has_size: bool = True
     ) -> None:
         self.talk = talk
         self.over = False
         self.quitted = False
         """It ended by `/quit`: what was done in safe mode stays."""
         self._write = write
-        self._sized = sized or not screen.detect
+        self._sized = has_size or not screen.detect
         self._keyboard = Keyboard()
         self._line = EditedLine(screen)
         self._history: list[str] = []
@@ -183,15 +183,15 @@ class ConsoleSession:
             if self.over:
                 return
             if isinstance(key, Position):
-                self._measured(key)
-            if key is Key.IDENTIFIED or isinstance(key, Position):
+                self._set_size(key)
+            if key is Key.TERMINAL_ID or isinstance(key, Position):
                 await self.give_up()
             else:
                 await self._mode(key)
 
     def resize(self, width: int, height: int) -> None:
         """The terminal has another size."""
-        self._line.screen = self.screen.sized(width, height)
+        self._line.screen = self.screen.resize(width, height)
 
     def tell(self) -> None:
         """Show what the router has to say unasked."""
@@ -209,7 +209,7 @@ class ConsoleSession:
     def lines(self, text: str) -> None:
         """Show whole lines."""
         if text and self._sized:
-            self.say("".join(f"{line}\r\n" for line in folded(text, self.screen.width)))
+            self.say("".join(f"{line}\r\n" for line in fold(text, self.screen.width)))
 
     def ask(self, question: str, answer: Callable[[str], Awaitable[None]]) -> None:
         """Wait for one key after a question."""
@@ -225,9 +225,9 @@ class ConsoleSession:
 
     # --- beginning -------------------------------------------------------------------------------------------------
 
-    def _measured(self, corner: Position) -> None:
+    def _set_size(self, corner: Position) -> None:
         self._sized = True
-        self._line.screen = self.screen.sized(corner.column, corner.row)
+        self._line.screen = self.screen.resize(corner.column, corner.row)
 
     async def _waiting(self, key: str | Key) -> None:
         """What is typed before the prompt is there is lost. Assumption: console-first-login."""
@@ -236,9 +236,9 @@ class ConsoleSession:
         self.begun = True
         self.lines(banner(self.talk.device))
         self.lines(note(self.talk.device))
-        await Greeting(self, self._prompted).next()
+        await Greeting(self, self._show_prompt).next()
 
-    async def _prompted(self) -> None:
+    async def _show_prompt(self) -> None:
         """The console waits for a command."""
         self._mode = self._at_prompt
         self._recall = len(self._history)
@@ -253,19 +253,19 @@ class ConsoleSession:
             await self._enter()
         elif key is Key.SAFE:
             self.say("\r\n")
-            await self._answered(await self.talk.safe_key(""), "")
+            await self._show_reply(await self.talk.safe_key(""), "")
         elif key is Key.CANCEL:
             self.say("\r\n")
-            await self._prompted()
+            await self._show_prompt()
         elif key is Key.EOF and not self._line.text:
             self.say("\r\x1b7\x1b8" if not self.screen.dumb else "\r\n")
             self.over = True
         elif key in (Key.UP, Key.DOWN):
             self._remember(-1 if key is Key.UP else 1)
         else:
-            self.say(self._edited(key))
+            self.say(self._edit(key))
 
-    def _edited(self, key: Key) -> str:
+    def _edit(self, key: Key) -> str:
         line = self._line
         moves = {Key.LEFT: line.at - 1, Key.RIGHT: line.at + 1, Key.HOME: 0, Key.END: len(line.text)}
         if key in moves:
@@ -292,35 +292,35 @@ class ConsoleSession:
         again = ahead if self.screen.dumb or not line.strip() else self._line.repaint()
         self.say(f"{again}\r\n")
         if not line.strip():
-            await self._prompted()
+            await self._show_prompt()
             return
         self._history.append(line)
-        await self._answered(await self.talk.type(line, self.screen.width), line)
+        await self._show_reply(await self.talk.type(line, self.screen.width), line)
 
-    async def _answered(self, printed: Printed, line: str) -> None:
+    async def _show_reply(self, reply: ConsoleReply, line: str) -> None:
         """Show what the console printed, and go on as it says."""
-        if printed.over:
-            self.lines(printed.text)
+        if reply.over:
+            self.lines(reply.text)
             self.over = True
-            self.quitted = printed.quitted
-        elif printed.asks:
-            self.ask(printed.asks, lambda key: self._decided(key, line))
-        elif printed.paged and not self.screen.dumb and self._sized:
-            self._pages = Pages(printed.text, self.screen)
+            self.quitted = reply.has_quit
+        elif reply.asks:
+            self.ask(reply.asks, lambda key: self._decide(key, line))
+        elif reply.is_paged and not self.screen.dumb and self._sized:
+            self._pages = Pages(reply.text, self.screen)
             await self._page(self._pages.next())
         else:
-            self.lines(printed.text)
-            await self._prompted()
+            self.lines(reply.text)
+            await self._show_prompt()
 
-    async def _decided(self, key: str, line: str) -> None:
+    async def _decide(self, key: str, line: str) -> None:
         """The question of a command was answered: y for a command, u or r for safe mode; anything else is no."""
         self.say(f"{key}\r\n" if key >= " " else "\r\n")
         if not line:
-            await self._answered(await self.talk.safe_key(key.lower() if key >= " " else "d"), "")
+            await self._show_reply(await self.talk.safe_key(key.lower() if key >= " " else "d"), "")
         elif key.lower() == "y":
-            await self._answered(await self.talk.confirm(line), line)
+            await self._show_reply(await self.talk.confirm(line), line)
         else:
-            await self._prompted()
+            await self._show_prompt()
 
     # --- other than the prompt -------------------------------------------------------------------------------------
 
@@ -347,16 +347,16 @@ class ConsoleSession:
             return
         self.say("\r\x1b[K")
         if key in ("q", "Q", Key.CANCEL):
-            await self._prompted()
+            await self._show_prompt()
         elif key in ("d", "D"):
             await self._page(self._pages.rest())
         else:
             await self._page(self._pages.next(1 if key in (Key.DOWN, Key.ENTER) else None))
 
-    async def _page(self, shown: str) -> None:
-        self.say(shown)
-        if self._pages.done:
-            await self._prompted()
+    async def _page(self, text: str) -> None:
+        self.say(text)
+        if self._pages.is_done:
+            await self._show_prompt()
         else:
             self.say(pager(self.talk.device))
             self._mode = self._at_pager
@@ -368,13 +368,13 @@ class ConsoleDevice(Protocol):
     caller: Caller
     device: Device
 
-    async def type(self, line: str, width: int | None) -> Printed:
+    async def type(self, line: str, width: int | None) -> ConsoleReply:
         """Run a line."""
 
-    async def safe_key(self, choice: str) -> Printed:
+    async def safe_key(self, choice: str) -> ConsoleReply:
         """Press Ctrl+X, or answer its question."""
 
-    async def confirm(self, line: str) -> Printed:
+    async def confirm(self, line: str) -> ConsoleReply:
         """Run a line whose question was answered with yes."""
 
     async def set_password(self, password: str) -> str:
@@ -391,17 +391,17 @@ class DirectTalk:
         self.device = device
         self.caller = caller
 
-    async def type(self, line: str, width: int | None) -> Printed:
+    async def type(self, line: str, width: int | None) -> ConsoleReply:
         """Run a line."""
         return self.device.type(self.caller, line, width=width)
 
-    async def safe_key(self, choice: str) -> Printed:
+    async def safe_key(self, choice: str) -> ConsoleReply:
         """Press Ctrl+X, or answer its question."""
         return self.device.safe_key(self.caller, choice)
 
-    async def confirm(self, line: str) -> Printed:
+    async def confirm(self, line: str) -> ConsoleReply:
         """Run a line whose question was answered with yes."""
-        return self.device.type(self.caller, line, confirmed=True)
+        return self.device.type(self.caller, line, is_confirmed=True)
 
     async def set_password(self, password: str) -> str:
         """Give the caller a new password; the refusal, or nothing."""

@@ -33,7 +33,7 @@ class _SftpConnection(Protocol):
 
     def caller(self) -> Caller: ...
 
-    def left(self, caller: Caller) -> None: ...
+    def end_channel(self, caller: Caller) -> None: ...
 
 
 @dataclass(slots=True)
@@ -58,7 +58,7 @@ class Sftp(asyncssh.SFTPServer):
         """The channel is done with."""
         if not self._channel.is_closing():
             self._channel.exit(0)
-        self._connection.left(self._caller)
+        self._connection.end_channel(self._caller)
 
     async def open(self, path: bytes, pflags: int, attrs: asyncssh.SFTPAttrs) -> _Handle:
         """Open for reading, or for writing from the start."""
@@ -81,8 +81,8 @@ class Sftp(asyncssh.SFTPServer):
     def write(self, file_obj: object, offset: int, data: bytes) -> int:
         """Put a piece into its place, if there is room for it."""
         handle = _handle(file_obj)
-        grown = max(0, offset + len(data) - len(handle.data))
-        if grown and grown > self._device.free_space(besides=handle.name) - len(handle.data):
+        growth = max(0, offset + len(data) - len(handle.data))
+        if growth and growth > self._device.free_space(besides=handle.name) - len(handle.data):
             raise asyncssh.SFTPNoSpaceOnFilesystem("disk full")
         handle.data.extend(bytes(max(0, offset - len(handle.data))))
         handle.data[offset : offset + len(data)] = data

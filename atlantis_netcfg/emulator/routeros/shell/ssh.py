@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
 
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
-from atlantis_netcfg.emulator.routeros.shell._work import Gone, WorkItem
+from atlantis_netcfg.emulator.routeros.shell._work import ConnectionLost, WorkItem
 from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession
 from atlantis_netcfg.emulator.routeros.shell.sftp import Sftp
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
     from pathlib import Path
 
-    from atlantis_netcfg.emulator.routeros.device import Device, Printed
+    from atlantis_netcfg.emulator.routeros.device import ConsoleReply, Device
 
 
 _VERSION = "ROSSSH"
@@ -80,11 +80,11 @@ class SshConnection:
 
     # --- what the pipe reports -------------------------------------------------------------------------------------
 
-    def accepted(self) -> None:
+    def handle_accept(self) -> None:
         """The connection is there."""
         self._accepted.set()
 
-    def arrived(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: Chunk) -> None:
         """The client is heard."""
         if chunk.end is LineEnd.FIN and self._near is not None and not self._near.is_closing():
             self._near.write_eof()
@@ -92,12 +92,12 @@ class SshConnection:
             self.hang_up()
         else:
             self.tally.counters.wire_in += len(chunk.data)
-            if chunk.heard > self._listened:
+            if chunk.heard_count > self._listened:
                 self.tally.counters.turns += 1
-                self._listened = chunk.heard
+                self._listened = chunk.heard_count
             self._forward(chunk.data)
 
-    def gone(self) -> None:
+    def handle_loss(self) -> None:
         """The router has learnt that the client is gone."""
         self._abort()
         self.host.tell()
@@ -158,14 +158,14 @@ class SshConnection:
         if not self.over:
             self._sent += 1
             self.tally.counters.wire_out += len(data)
-            self.pipe.depart(Chunk(data, heard=self._sent))
+            self.pipe.depart(Chunk(data, heard_count=self._sent))
 
     def hang_up(self) -> None:
         """The router closes in good order, and knows that it is closed."""
         if not self._closed:
             self.pipe.depart(Chunk(end=LineEnd.FIN))
             self._closed = True
-            self.gone()
+            self.handle_loss()
 
     def _abort(self) -> None:
         if self._ssh is not None:
@@ -183,7 +183,7 @@ class SshConnection:
         """Silence for good, and neither end is told."""
         self.pipe.vanish()
 
-    def rebooted(self, *, clean: bool) -> None:
+    def handle_reboot(self, *, clean: bool) -> None:
         """The router has lost its memory."""
         self._callers.clear()
         for task in self._tasks - {asyncio.current_task()}:
@@ -200,12 +200,12 @@ class SshConnection:
 
     def check(self) -> None:
         """Close if somebody has removed this session from `/user/active`."""
-        if any(caller.number in self.device.ended for caller in self._callers):
+        if any(caller.number in self.device.closed_sessions for caller in self._callers):
             self.hang_up()
 
     # --- what asyncssh asks ----------------------------------------------------------------------------------------
 
-    def met(self, ssh: asyncssh.SSHServerConnection) -> None:
+    def start_key_exchange(self, ssh: asyncssh.SSHServerConnection) -> None:
         """The key exchange begins."""
         self._ssh = ssh
 
@@ -234,14 +234,14 @@ class SshConnection:
         self._callers.append(another)
         return another
 
-    def left(self, caller: Caller) -> None:
+    def end_channel(self, caller: Caller) -> None:
         """A channel has ended."""
         if caller in self._callers:
             self._callers.remove(caller)
             self.device.logout(caller, clean=True)
             self.host.tell()
 
-    def opened(self, shell: SshShell) -> None:
+    def add_shell(self, shell: SshShell) -> None:
         """A channel with a console."""
         self._shells.append(shell)
 
@@ -287,7 +287,7 @@ def _server(connection: SshConnection) -> asyncssh.SSHServer:
             self._key = b""
 
         def connection_made(self, conn: asyncssh.SSHServerConnection) -> None:
-            connection.met(conn)
+            connection.start_key_exchange(conn)
 
         def begin_auth(self, username: str) -> bool:
             self._name = username
@@ -330,7 +330,7 @@ class SshShell:
 
     def start(self) -> None:
         """Begin, beside asyncssh: what was typed is done even if nobody waits for it any more."""
-        self._connection.opened(self)
+        self._connection.add_shell(self)
         self._connection.go(self._work())
 
     def tell(self) -> None:
@@ -346,24 +346,24 @@ class SshShell:
                 await self._converse(caller)
             else:
                 await self._obey(caller, command)
-        except Gone:
+        except ConnectionLost:
             pass
         finally:
             self._connection.shut(self)
-            self._connection.left(caller)
+            self._connection.end_channel(caller)
 
     async def _obey(self, caller: Caller, command: str) -> None:
-        printed = await WireTalk(self._connection, caller).type(command, None)
-        lines = printed.text.split("\n") if printed.text else []
+        reply = await WireTalk(self._connection, caller).type(command, None)
+        lines = reply.text.split("\n") if reply.text else []
         self._say("".join(f"{line}\r\n" for line in lines).encode(errors="surrogateescape"))
         if not self._channel.is_closing():
-            self._channel.exit(1 if printed.failed else 0)
+            self._channel.exit(1 if reply.has_failed else 0)
 
     async def _converse(self, caller: Caller) -> None:
         """Feed the session until it or the terminal has had enough."""
         kind = self._channel.get_terminal_type()
         session = ConsoleSession(
-            WireTalk(self._connection, caller), self._screen(kind), self._say, sized=kind is not None
+            WireTalk(self._connection, caller), self._screen(kind), self._say, has_size=kind is not None
         )
         self._session = session
         await session.start()
@@ -396,7 +396,9 @@ class SshShell:
         if kind is None:
             return screen.plain()
         width, height, *_ = self._channel.get_terminal_size()
-        screen = screen.sized(*(ours or theirs for ours, theirs in zip(screen.requested, (width, height), strict=True)))
+        screen = screen.resize(
+            *(ours or theirs for ours, theirs in zip(screen.requested_size, (width, height), strict=True))
+        )
         return screen.plain() if kind == "dumb" else screen
 
     def _say(self, data: bytes) -> None:
@@ -413,17 +415,17 @@ class WireTalk:
         self.device: Device = connection.device
         self._labour = connection.labour
 
-    async def type(self, line: str, width: int | None) -> Printed:
+    async def type(self, line: str, width: int | None) -> ConsoleReply:
         """Run a line."""
         return await self._labour.run(line, lambda: self.device.type(self.caller, line, width=width))
 
-    async def safe_key(self, choice: str) -> Printed:
+    async def safe_key(self, choice: str) -> ConsoleReply:
         """Press Ctrl+X, or answer its question."""
         return await self._labour.run("ctrl+x", lambda: self.device.safe_key(self.caller, choice))
 
-    async def confirm(self, line: str) -> Printed:
+    async def confirm(self, line: str) -> ConsoleReply:
         """Run a line whose question was answered with yes."""
-        return await self._labour.run("y", lambda: self.device.type(self.caller, line, confirmed=True))
+        return await self._labour.run("y", lambda: self.device.type(self.caller, line, is_confirmed=True))
 
     async def set_password(self, password: str) -> str:
         """Give the caller a new password; the refusal, or nothing."""

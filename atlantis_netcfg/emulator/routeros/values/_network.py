@@ -32,9 +32,9 @@ _LAST_PORT = 65535
 _WHOLE = 32
 
 
-def expanded(text: str) -> str:
+def expand(text: str) -> str:
     """Return the address that the console makes of `2.2` (2.0.0.2) or `2.1.1` (2.1.0.1), in a list or range too."""
-    return _SHORT.sub(lambda found: f"{found[1]}{'.0' * (2 - found[1].count('.'))}.{found[2]}", text)
+    return _SHORT.sub(lambda match: f"{match[1]}{'.0' * (2 - match[1].count('.'))}.{match[2]}", text)
 
 
 def _address(text: str, *, v6: bool = True) -> str:
@@ -62,9 +62,9 @@ class Address(ValueType):
             return text
         return _address(text, v6=self.v6)
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Take short forms."""
-        return expanded(text)
+        return expand(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +89,17 @@ class HostPrefix(ValueType):
         except (AddressValueError, NetmaskValueError) as error:
             raise BadValue from error
 
-    def code(self, typed: str) -> str:
+    def code(self, text: str) -> str:
         """Print what stands for the missing length too."""
-        return f"{typed};"
+        return f"{text};"
 
-    def exported(self, stored: str) -> str:
+    def export(self, value: str) -> str:
         """Leave a /32 out, as the exports of many routers do."""
-        return stored.removesuffix(f"/{_WHOLE}")
+        return value.removesuffix(f"/{_WHOLE}")
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Take short forms."""
-        return expanded(text)
+        return expand(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,13 +152,13 @@ class Matcher(ValueType):
             return text
         return _range(text)
 
-    def code(self, typed: str) -> str:
+    def code(self, text: str) -> str:
         """Print what stands for the missing sign too."""
-        return f";{typed}"
+        return f";{text}"
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Take short forms."""
-        return expanded(text)
+        return expand(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -307,7 +307,7 @@ class Topics(ValueType):
 
 
 @dataclass(frozen=True, slots=True)
-class Granted(ValueType):
+class PolicySet(ValueType):
     """A set of words that is printed whole: those in it, then those not in it with a `!` (`policy` of a user group)."""
 
     words: tuple[str, ...]

@@ -47,21 +47,21 @@ class ValueType:
         """Return `text` as it is stored. Raises BadValue."""
         return text
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Return what the console makes of a value before the command sees it. Raises BadValue: a syntax error."""
         return text
 
-    def code(self, typed: str) -> str:
+    def code(self, text: str) -> str:
         """Return a typed value as `:parse` prints it within the code of a command (7.23.3)."""
-        return typed
+        return text
 
-    def exported(self, stored: str) -> str:
+    def export(self, value: str) -> str:
         """Return the value as an export prints it."""
-        return stored
+        return value
 
-    def show(self, stored: str) -> str:
+    def show(self, value: str) -> str:
         """Return the value as the API prints it; names are put in by `spell` before."""
-        return stored
+        return value
 
 
 def id_text(number: int) -> str:
@@ -74,23 +74,23 @@ def reference(space: str, number: int) -> str:
     return f"\x01{space}:{number:X}\x02"
 
 
-def references(stored: str) -> Iterator[tuple[str, int]]:
+def references(value: str) -> Iterator[tuple[str, int]]:
     """Yield the rows that a stored value points at."""
-    for space, number in _TOKEN.findall(stored):
+    for space, number in _TOKEN.findall(value):
         yield space, int(number, 16)
 
 
-def spell(stored: str, names: NamesValue) -> str:
+def spell(value: str, names: NamesValue) -> str:
     """Put the names in; a row that has gone is shown by its id."""
-    if "\x01" not in stored:
-        return stored
+    if "\x01" not in value:
+        return value
 
     def name(match: re.Match[str]) -> str:
         number = int(match[2], 16)
-        found = names.name_of(match[1], number)
-        return id_text(number) if found is None else found
+        row_name = names.name_of(match[1], number)
+        return id_text(number) if row_name is None else row_name
 
-    return _TOKEN.sub(name, stored)
+    return _TOKEN.sub(name, value)
 
 
 _UNITS = (("w", 604800), ("d", 86400), ("h", 3600), ("m", 60), ("s", 1))
@@ -129,22 +129,22 @@ class Bool(ValueType):
             raise BadValue("value of {} must be either yes or no")
         return "yes" if text in _YES else "no"
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Take only the console's own words, bare or quoted (7.23.3)."""
         if text not in (_YES[0], _NO[0]):
             raise BadValue
         return text
 
-    def show(self, stored: str) -> str:
+    def show(self, value: str) -> str:
         """Spell it as the API does."""
-        return "true" if stored == "yes" else "false"
+        return "true" if value == "yes" else "false"
 
 
 @dataclass(frozen=True, slots=True)
 class FlagValue(ValueType):
-    """An argument that is there or not, without value (`fib`, `blackhole`); `shown` is what the API prints."""
+    """An argument that is there or not, without value (`fib`, `blackhole`); `api_text` is what the API prints."""
 
-    shown: str = ""
+    api_text: str = ""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take the bare name, and what clients write in its place."""
@@ -152,9 +152,9 @@ class FlagValue(ValueType):
             raise BadValue
         return ""
 
-    def show(self, stored: str) -> str:  # noqa: ARG002 - it is there
+    def show(self, value: str) -> str:  # noqa: ARG002 - it is there
         """Say that it is there."""
-        return self.shown
+        return self.api_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,9 +190,9 @@ class Size(ValueType):
             raise BadValue
         return f"{int(match[1])}KiB"
 
-    def show(self, stored: str) -> str:
+    def show(self, value: str) -> str:
         """Leave the unit out, as the API does."""
-        return stored.removesuffix("KiB")
+        return value.removesuffix("KiB")
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,9 +208,9 @@ class Rate(ValueType):
         unit = next(unit for unit in ("G", "M", "k", "") if value % _RATE_UNITS[unit] == 0)
         return f"{value // _RATE_UNITS[unit]}{unit}" if value else "0"
 
-    def show(self, stored: str) -> str:
+    def show(self, value: str) -> str:
         """Spell it as the API does."""
-        return str(int(stored[:-1]) * _RATE_UNITS[stored[-1]]) if stored[-1:].isalpha() else stored
+        return str(int(value[:-1]) * _RATE_UNITS[value[-1]]) if value[-1:].isalpha() else value
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,22 +228,22 @@ class Choice(ValueType):
 
 @dataclass(frozen=True, slots=True)
 class Choices(ValueType):
-    """Several of a fixed set of words; `ordered`: printed in the set's order, as RouterOS prints bits."""
+    """Several of a fixed set of words; `is_ordered`: printed in the set's order, as RouterOS prints bits."""
 
     words: tuple[str, ...]
-    ordered: bool = True
-    signed: bool = False
+    is_ordered: bool = True
+    has_signs: bool = False
     """Each word may have its own `!` (tcp-flags)."""
 
     def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
         """Take a comma-separated list; empty is the empty set."""
-        chosen = text.split(",") if text else []
-        plain = [word.removeprefix("!") if self.signed else word for word in chosen]
+        words = text.split(",") if text else []
+        plain = [word.removeprefix("!") if self.has_signs else word for word in words]
         if any(word not in self.words for word in plain) or len(set(plain)) != len(plain):
             raise BadValue(NOT_OFFERED)
-        if self.ordered:
-            chosen.sort(key=lambda word: self.words.index(word.removeprefix("!")))
-        return ",".join(chosen)
+        if self.is_ordered:
+            words.sort(key=lambda word: self.words.index(word.removeprefix("!")))
+        return ",".join(words)
 
 
 @dataclass(frozen=True, slots=True)
@@ -260,15 +260,15 @@ class Not(ValueType):
             raise BadValue
         return sign + body
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Keep the sign."""
         sign = "!" if text.startswith("!") else ""
-        return sign + self.kind.typed(text.removeprefix("!"))
+        return sign + self.kind.normalise(text.removeprefix("!"))
 
-    def code(self, typed: str) -> str:
+    def code(self, text: str) -> str:
         """Keep the sign."""
-        sign = "!" if typed.startswith("!") else ""
-        return sign + self.kind.code(typed.removeprefix("!"))
+        sign = "!" if text.startswith("!") else ""
+        return sign + self.kind.code(text.removeprefix("!"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,14 +303,14 @@ class Time(ValueType):
             raise BadValue("value of {} out of range " + f"({interval(self.least)}..{interval(self.most)})")
         return interval(value)
 
-    def typed(self, text: str) -> str:
+    def normalise(self, text: str) -> str:
         """Read `2.2` as seconds (7.23.3)."""
         return interval(float(text)) if _FRACTION.fullmatch(text) else text
 
-    def code(self, typed: str) -> str:
+    def code(self, text: str) -> str:
         """Spell it as a clock: `00:00:02.200`, `1w1d00:00:00`."""
-        value = seconds(typed)
-        return typed if value is None else _clock(round(value * 1000))
+        value = seconds(text)
+        return text if value is None else _clock(round(value * 1000))
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from atlantis_netcfg.emulator.routeros.wire.link import (
     LineEnd,
     LinkFault,
     TrafficCounters,
-    masked,
+    mask_words,
 )
 
 if TYPE_CHECKING:
@@ -117,11 +117,11 @@ _LONGEST_WORD = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class _Received:
+class _InboxItem:
     """A sentence, and how many of its client's sentences had been answered when it was sent; no words: garbage."""
 
     words: tuple[str, ...]
-    answered: int
+    answer_count: int
 
 
 class Connection:
@@ -135,7 +135,7 @@ class Connection:
         self._dialogue = host.dialogue(service)
         self._decoder = Decoder(host.knobs.word_before_login)
         self._channel: ByteChannel
-        self._inbox: deque[_Received] = deque()
+        self._inbox: deque[_InboxItem] = deque()
         self._news = asyncio.Event()
         self._writes: list[bool] = []
         """Of every sentence that came, whether it is no `print`."""
@@ -151,25 +151,25 @@ class Connection:
 
     # What the pipe reports.
 
-    def accepted(self) -> None:
+    def handle_accept(self) -> None:
         """The connection is there."""
         self._channel = self._host.channel(self.pipe.service)
 
-    def arrived(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: Chunk) -> None:
         """The client is heard."""
         if chunk.end is not None:
             self.hang_up()
         elif not self._closed:
             self._decrypt(chunk)
 
-    def gone(self) -> None:
+    def handle_loss(self) -> None:
         """The router has learnt that the client is gone."""
         self._dialogue.leave()
         self._host.tell()
 
     def check(self) -> None:
         """Close if somebody has removed this session from `/user/active`."""
-        if self._dialogue.evicted:
+        if self._dialogue.is_evicted:
             self.hang_up()
 
     # Faults that concern one connection only.
@@ -182,7 +182,7 @@ class Connection:
         """Silence for good, and neither end is told."""
         self.pipe.vanish()
 
-    def rebooted(self, *, clean: bool) -> None:
+    def handle_reboot(self, *, clean: bool) -> None:
         """The router has lost its memory; `clean` if it closed its sockets first. A SYN under way finds it later."""
         self._dialogue.forget()
         self._inbox.clear()
@@ -203,26 +203,26 @@ class Connection:
         self._send(self._channel.flush())
         if plain:
             self._count_turn(chunk, len(plain))
-            self._listen(plain, chunk.answered)
+            self._listen(plain, chunk.answer_count)
 
     def _count_turn(self, chunk: Chunk, size: int) -> None:
         self.tally.counters.bytes_in += size
-        if chunk.heard > self._listened:
+        if chunk.heard_count > self._listened:
             self.tally.counters.turns += 1
-            self._listened = chunk.heard
+            self._listened = chunk.heard_count
 
-    def _listen(self, plain: bytes, answered: int) -> None:
+    def _listen(self, plain: bytes, answer_count: int) -> None:
         try:
             for words in self._decoder.feed(plain):
                 self._writes.append(not (words and words[0].endswith("/print")))
                 knobs = self._host.knobs
-                waiting = self._writes[answered:]
+                waiting = self._writes[answer_count:]
                 hangs = knobs.hang_at is not None and len(waiting) >= knobs.hang_at
                 hangs_writing = knobs.hang_writes_at is not None and sum(waiting) >= knobs.hang_writes_at
                 self._mute = self._mute or hangs or hangs_writing
-                self._inbox.append(_Received(words, answered))
+                self._inbox.append(_InboxItem(words, answer_count))
         except (ReservedLength, WordTooLong):
-            self._inbox.append(_Received((), answered))
+            self._inbox.append(_InboxItem((), answer_count))
         self._news.set()
 
     # Working.
@@ -236,7 +236,7 @@ class Connection:
                 await self._answer_burst(self._next_burst())
                 self._host.tell()
 
-    def _next_burst(self) -> list[_Received]:
+    def _next_burst(self) -> list[_InboxItem]:
         """The next sentence; or all tagged ones that wait in front, shuffled, if that is asked for."""
         burst = [self._inbox.popleft()]
         chance = self._host.chance
@@ -246,7 +246,7 @@ class Connection:
             chance.shuffle(burst)
         return burst
 
-    async def _answer_burst(self, burst: Sequence[_Received]) -> None:
+    async def _answer_burst(self, burst: Sequence[_InboxItem]) -> None:
         answers = [await self._answer(sentence) for sentence in burst]
         chance = self._host.chance
         while chance is not None and any(answers):
@@ -255,7 +255,7 @@ class Connection:
         for replies in answers:
             self.say(replies)
 
-    async def _answer(self, sentence: _Received) -> list[Reply]:
+    async def _answer(self, sentence: _InboxItem) -> list[Reply]:
         """Run one sentence with the faults that were armed for it; what is left to be said."""
         if self._over:
             return []
@@ -269,7 +269,7 @@ class Connection:
         if self._over:
             return []
         for fault in faults:
-            sentence = _Received(fault.shorten(sentence.words), sentence.answered)
+            sentence = _InboxItem(fault.shorten(sentence.words), sentence.answer_count)
         replies = self._run(sentence)
         await self._host.settle()
         self._suffer(faults, "after")
@@ -277,11 +277,11 @@ class Connection:
 
     def _note(self, words: tuple[str, ...]) -> None:
         self.tally.counters.sentences += 1
-        self.tally.sentences.append(masked(words))
+        self.tally.sentences.append(mask_words(words))
 
-    def _run(self, sentence: _Received) -> list[Reply]:
+    def _run(self, sentence: _InboxItem) -> list[Reply]:
         stranger = self._dialogue.caller is None
-        replies = self._dialogue.answer(sentence.words, sentence.answered, self._host.knobs)
+        replies = self._dialogue.answer(sentence.words, sentence.answer_count, self._host.knobs)
         if stranger and self._dialogue.caller is not None:
             self.tally.counters.logins += 1
             self._decoder.limit = _LONGEST_WORD
@@ -304,13 +304,13 @@ class Connection:
         """Say the answer cut off, or with garbage in it, if a fault wants it so."""
         for fault in faults:
             if fault.do is FaultKind.TRUNCATE:
-                whole = _encoded(replies)
+                whole = _encode(replies)
                 self._speak(whole[: len(whole) // 2 if fault.offset is None else fault.offset], 0)
                 self.hang_up()
                 return []
             if fault.do is FaultKind.GARBAGE:
-                whole, at = _encoded(replies), fault.offset or 0
-                self._speak(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _completed(replies))
+                whole, at = _encode(replies), fault.offset or 0
+                self._speak(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _count_completed(replies))
                 return []
         return replies
 
@@ -323,22 +323,22 @@ class Connection:
     def say(self, replies: Sequence[Reply]) -> None:
         """Answer; `!fatal` is the last word."""
         if replies:
-            self._speak(_encoded(replies), _completed(replies))
+            self._speak(_encode(replies), _count_completed(replies))
         if any(answer.kind == "!fatal" for _, answer in replies):
             self.hang_up()
 
-    def _speak(self, plain: bytes, completed: int) -> None:
+    def _speak(self, plain: bytes, completed_count: int) -> None:
         if self._over or not plain:
             return
         self.tally.counters.bytes_out += len(plain)
         self._sent += 1
-        self._completed += completed
+        self._completed += completed_count
         self._send(self._channel.send(plain))
 
     def _send(self, wire: bytes) -> None:
         if wire:
             self.tally.counters.wire_out += len(wire)
-            self.pipe.depart(Chunk(wire, heard=self._sent, answered=self._completed))
+            self.pipe.depart(Chunk(wire, heard_count=self._sent, answer_count=self._completed))
 
     def hang_up(self) -> None:
         """The router closes the connection in good order, and knows that it is closed."""
@@ -347,14 +347,14 @@ class Connection:
         self._closed = True
         self._send(self._channel.flush() + self._channel.close())
         self.pipe.depart(Chunk(end=LineEnd.FIN))
-        self.gone()
+        self.handle_loss()
 
 
-def _completed(replies: Sequence[Reply]) -> int:
+def _count_completed(replies: Sequence[Reply]) -> int:
     return sum(answer.last for _, answer in replies)
 
 
-def _encoded(replies: Sequence[Reply]) -> bytes:
+def _encode(replies: Sequence[Reply]) -> bytes:
     return b"".join(encode_sentence(_words(tag, answer)) for tag, answer in replies)
 
 
@@ -363,5 +363,5 @@ def _words(tag: str | None, answer: Answer) -> tuple[str, ...]:
 
     The examples of the manual (API, "/cancel, simultaneous commands") put it last, and leave the order open.
     """
-    tagged = tag is not None and answer.kind != "!fatal"
-    return (answer.kind, *((f".tag={tag}",) if tagged else ()), *answer.words)
+    has_tag = tag is not None and answer.kind != "!fatal"
+    return (answer.kind, *((f".tag={tag}",) if has_tag else ()), *answer.words)

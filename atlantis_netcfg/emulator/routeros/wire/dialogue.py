@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.answers import DONE, Answer, Caller, Category, Trap
+from atlantis_netcfg.emulator.routeros.answers import DONE_REPLY, Answer, Caller, Category, Trap
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ Reply = tuple[str | None, Answer]
 """A reply sentence and the tag it carries."""
 
 
-_INTERRUPTED = Trap("interrupted", Category.INTERRUPTED).answer()
+_INTERRUPTION = Trap("interrupted", Category.INTERRUPTION).answer()
 
 
 def tag_of(words: Sequence[str]) -> str | None:
@@ -38,14 +38,14 @@ class Dialogue:
         self._greeted_at = 0
         self._going_on: list[str | None] = []
 
-    def answer(self, words: Sequence[str], answered: int, knobs: WireBehaviour) -> list[Reply]:
-        """Reply to a sentence that its client sent when it had seen `answered` sentences completed."""
+    def answer(self, words: Sequence[str], answer_count: int, knobs: WireBehaviour) -> list[Reply]:
+        """Reply to a sentence that its client sent when it had seen `answer_count` sentences completed."""
         self._sentences += 1
         tag = tag_of(words)
         command = words[0]
         if self.caller is None:
             answers = [(tag, answer) for answer in self._before_login(command, words, knobs)]
-        elif answered < self._greeted_at and not knobs.pipelined_login:
+        elif answer_count < self._greeted_at and not knobs.pipelined_login:
             answers = [(None, Answer.fatal("not logged in"))]
         elif command == "/cancel":
             answers = self._cancel(self.caller, tag, words)
@@ -60,9 +60,9 @@ class Dialogue:
         return self._count(self._pending(self.caller))
 
     @property
-    def evicted(self) -> bool:
+    def is_evicted(self) -> bool:
         """Somebody has removed this session from `/user/active`."""
-        return self.caller is not None and self.caller.number in self._device.ended
+        return self.caller is not None and self.caller.number in self._device.closed_sessions
 
     def leave(self) -> None:
         """The session has ended and the router knows it."""
@@ -84,28 +84,28 @@ class Dialogue:
         try:
             answer = self._login(words, knobs)
         except Trap as refused:
-            return [refused.answer(), DONE]
+            return [refused.answer(), DONE_REPLY]
         if self.caller is not None:
             self._greeted_at = self._completed + 1
         return [answer]
 
     def _login(self, words: Sequence[str], knobs: WireBehaviour) -> Answer:
         """Manual, API: since 6.43 name and password at once; before, a challenge and a response."""
-        given = dict(word[1:].partition("=")[::2] for word in words[1:] if word.startswith("="))
-        user = given.get("name", "")
-        if "response" in given:
+        arguments = dict(word[1:].partition("=")[::2] for word in words[1:] if word.startswith("="))
+        user = arguments.get("name", "")
+        if "response" in arguments:
             challenge, self._challenge = self._challenge, None
             if challenge is None:
                 raise Trap("cannot log in")
             self.caller = self._device.login_response(
-                user, challenge, given["response"], via=self._via, address=self._address
+                user, challenge, arguments["response"], via=self._via, address=self._address
             )
-        elif knobs.old_login or "name" not in given:
+        elif knobs.old_login or "name" not in arguments:
             self._challenge = self._device.challenge()
-            return Answer.done(self._challenge)
+            return Answer.done_reply(self._challenge)
         else:
-            self.caller = self._device.login(user, given.get("password", ""), via=self._via, address=self._address)
-        return DONE
+            self.caller = self._device.login(user, arguments.get("password", ""), via=self._via, address=self._address)
+        return DONE_REPLY
 
     def _run(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
         answers = self._device.run(caller, words)
@@ -120,13 +120,13 @@ class Dialogue:
     def _cancel(self, caller: Caller, tag: str | None, words: Sequence[str]) -> list[Reply]:
         """End what goes on; the `!done` of `/cancel` comes before the victim's (Manual, API, its own example)."""
         earlier = self._pending(caller)
-        named = [word.removeprefix("=tag=") for word in words if word.startswith("=tag=")]
-        victims = [other for other in self._going_on if not named or other in named]
+        tags = [word.removeprefix("=tag=") for word in words if word.startswith("=tag=")]
+        victims = [other for other in self._going_on if not tags or other in tags]
         self._going_on = [other for other in self._going_on if other not in victims]
         self._device.run(caller, words)
         others = self._pending(caller)
-        interrupted: Iterable[Reply] = ((victim, _INTERRUPTED) for victim in victims)
-        return [*earlier, *interrupted, (tag, DONE), *((victim, DONE) for victim in victims), *others]
+        interruptions: Iterable[Reply] = ((victim, _INTERRUPTION) for victim in victims)
+        return [*earlier, *interruptions, (tag, DONE_REPLY), *((victim, DONE_REPLY) for victim in victims), *others]
 
     def _count(self, replies: list[Reply]) -> list[Reply]:
         self._completed += sum(answer.last for _, answer in replies)

@@ -37,7 +37,7 @@ class LinkMember(Protocol):
     def vanish(self) -> None:
         """Silence for good, and neither end is told."""
 
-    def rebooted(self, *, clean: bool) -> None:
+    def handle_reboot(self, *, clean: bool) -> None:
         """The router has lost its memory; `clean` if it closed its sockets first."""
 
     def check(self) -> None:
@@ -87,13 +87,13 @@ class RouterHost(Protocol):
     def admits(self, service: str, address: str | None = None) -> bool:
         """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
 
-    def reaches(self, service: str, *, established: bool) -> bool:
+    def reaches(self, service: str, *, is_established: bool) -> bool:
         """Do packets get through the router's own configuration, both ways."""
 
-    def opened(self, pipe: Pipe) -> None:
+    def handle_open(self, pipe: Pipe) -> None:
         """A client has connected."""
 
-    def closed(self, pipe: Pipe) -> None:
+    def handle_close(self, pipe: Pipe) -> None:
         """Neither end will be heard of again."""
 
     def watch(self, task: asyncio.Task[None]) -> None:
@@ -129,10 +129,12 @@ class Listeners:
 
     async def align(self, services: Mapping[str, Service]) -> None:
         """Open and close sockets until they are as `services` says."""
-        desired = {(name, services[name].port) for name in SERVICES if name in services and services[name].enabled}
-        for key in set(self._open) - desired:
+        desired_keys = {
+            (name, services[name].port) for name in SERVICES if name in services and services[name].is_enabled
+        }
+        for key in set(self._open) - desired_keys:
             self._open.pop(key).close()
-        for key in sorted(desired - set(self._open)):
+        for key in sorted(desired_keys - set(self._open)):
             await self._listen(key)
 
     async def _listen(self, key: tuple[str, int]) -> None:
@@ -184,13 +186,13 @@ class RouterEnd(Protocol):
     async def work(self) -> None:
         """Answer for ever."""
 
-    def accepted(self) -> None:
+    def handle_accept(self) -> None:
         """The connection is there."""
 
-    def arrived(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: Chunk) -> None:
         """The client is heard."""
 
-    def gone(self) -> None:
+    def handle_loss(self) -> None:
         """The router has learnt that the client is gone."""
 
 
@@ -231,12 +233,12 @@ class Pipe(asyncio.Protocol):
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
         for task in self._tasks:
             self._host.watch(task)
-        self._host.opened(self)
+        self._host.handle_open(self)
         self.regate()
 
     def data_received(self, data: bytes) -> None:
         """The client speaks."""
-        self._up.put(Chunk(data, heard=self._received, answered=self._answered))
+        self._up.put(Chunk(data, heard_count=self._received, answer_count=self._answered))
 
     def eof_received(self) -> bool:
         """The client will say no more, the router may still answer."""
@@ -255,7 +257,7 @@ class Pipe(asyncio.Protocol):
             self.stop(reset=chunk.end is LineEnd.RST)
         elif not self._transport.is_closing():
             self._transport.write(chunk.data)
-            self._received, self._answered = chunk.heard, chunk.answered
+            self._received, self._answered = chunk.heard_count, chunk.answer_count
 
     # The router's end.
 
@@ -267,7 +269,7 @@ class Pipe(asyncio.Protocol):
         elif self.lost:
             self._down.put(Chunk(end=LineEnd.RST))
         else:
-            self.end.arrived(chunk)
+            self.end.handle_chunk(chunk)
 
     def depart(self, chunk: Chunk) -> None:
         """The router speaks; its own firewall sees that first."""
@@ -280,7 +282,7 @@ class Pipe(asyncio.Protocol):
 
     def regate(self) -> None:
         """Look again whether packets get through, and let go what was held if they do."""
-        self._path = self._host.reaches(self.service, established=self.established)
+        self._path = self._host.reaches(self.service, is_established=self.established)
         if self._path and not self.established:
             self._accept()
         if self._path:
@@ -299,7 +301,7 @@ class Pipe(asyncio.Protocol):
         if self.lost:
             self._down.put(Chunk(end=LineEnd.RST))
         else:
-            self.end.accepted()
+            self.end.handle_accept()
 
     def note_silence(self) -> None:
         """Start or stop the clock of the router's TCP time-out."""
@@ -314,7 +316,7 @@ class Pipe(asyncio.Protocol):
     def _time_out(self) -> None:
         if self.established:
             self.forget()
-            self.end.gone()
+            self.end.handle_loss()
 
     # Ends.
 
@@ -349,8 +351,8 @@ class Pipe(asyncio.Protocol):
             self._transport.close()
         for task in self._tasks:
             task.cancel()
-        self._host.closed(self)
-        self.end.gone()
+        self._host.handle_close(self)
+        self.end.handle_loss()
 
     def _reset(self) -> None:
         raw = cast("socket.socket | None", self._transport.get_extra_info("socket"))

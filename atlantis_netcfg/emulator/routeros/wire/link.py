@@ -35,7 +35,7 @@ Assumption: port-counters
 """
 
 
-def _uncounted(_port: str | None, _direction: Direction, _size: int) -> None:
+def _ignore_count(_port: str | None, _direction: Direction, _size: int) -> None:
     """Nobody counts."""
 
 
@@ -80,12 +80,12 @@ class LineEnd(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Chunk:
-    """Bytes under way; `heard` and `answered` are the sender's tally at that moment (see connection.py)."""
+    """Bytes under way; `heard_count` and `answer_count` are the sender's tally at that moment (see connection.py)."""
 
     data: bytes = b""
     end: LineEnd | None = None
-    heard: int = 0
-    answered: int = 0
+    heard_count: int = 0
+    answer_count: int = 0
 
     def segments(self) -> Iterator[Chunk]:
         """The same in pieces that a link carries one after another."""
@@ -102,7 +102,7 @@ class WireBearer:
     def __init__(self, link: RouterLink) -> None:
         self._link, self._tcp = link, _tcp(link)
         self._segments = dict.fromkeys(Direction, 0)
-        self.count: Callable[[str | None, Direction, int], None] = _uncounted
+        self.count: Callable[[str | None, Direction, int], None] = _ignore_count
         """Told the link's port and every segment's bytes, its headers included; acknowledgements are not."""
 
     @property
@@ -254,7 +254,7 @@ class Faults:
         self._armed.clear()
 
     @property
-    def armed(self) -> tuple[LinkFault, ...]:
+    def pending(self) -> tuple[LinkFault, ...]:
         """What has not struck yet."""
         return tuple(fault for fault, _ in self._armed)
 
@@ -266,9 +266,9 @@ class Faults:
 
     def upon(self, command: str) -> list[LinkFault]:
         """Count the sentence that begins with `command`; the faults that strike at it."""
-        left = [(fault, n - fnmatchcase(command, fault.match)) for fault, n in self._armed]
-        self._armed = [(fault, n) for fault, n in left if n > 0]
-        return [fault for fault, n in left if n <= 0]
+        remaining_faults = [(fault, n - fnmatchcase(command, fault.match)) for fault, n in self._armed]
+        self._armed = [(fault, n) for fault, n in remaining_faults if n > 0]
+        return [fault for fault, n in remaining_faults if n <= 0]
 
 
 _SECRET = r"(?:[\w.-]*(?:password|passphrase|secret|pre-?shared-key|private-key)|response|pin)"  # noqa: S105 (a pattern)
@@ -311,7 +311,7 @@ class TrafficCounters:
     sentences: list[tuple[str, ...]] = field(default_factory=list)
 
 
-def masked(words: Sequence[str]) -> tuple[str, ...]:
+def mask_words(words: Sequence[str]) -> tuple[str, ...]:
     """The words of a sentence without their secrets, also those inside a script."""
     return tuple(_SCRIPT.sub(rf"\1{MASK}", _WORD.sub(rf"\1{MASK}", word)) for word in words)
 

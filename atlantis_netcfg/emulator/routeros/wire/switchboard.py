@@ -86,20 +86,20 @@ class AccessPath:
         """Does the service talk to this client."""
         return self._host.admits(service, address or self._path.technician)
 
-    def reaches(self, service: str, *, established: bool) -> bool:
+    def reaches(self, service: str, *, is_established: bool) -> bool:
         """Do packets get through on this way."""
         path = self._path
         return not self.booting and self._device.path_open(
-            path.technician, path.local, service, established=established, plug=path.port
+            path.technician, path.local, service, is_established=is_established, plug=path.port
         )
 
-    def opened(self, pipe: Pipe) -> None:
+    def handle_open(self, pipe: Pipe) -> None:
         """A client has connected."""
-        self._host.opened(pipe)
+        self._host.handle_open(pipe)
 
-    def closed(self, pipe: Pipe) -> None:
+    def handle_close(self, pipe: Pipe) -> None:
         """Neither end will be heard of again."""
-        self._host.closed(pipe)
+        self._host.handle_close(pipe)
 
     def watch(self, task: asyncio.Task[None]) -> None:
         """Stop the twin with an error if `task` fails."""
@@ -133,7 +133,7 @@ class Switchboard:
         self,
         device: Device,
         *,
-        changed: Callable[[], Awaitable[None]],
+        on_change: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
         tallies: list[TrafficCounters],
         others: Mapping[str, Callable[[RouterHost, str], LinkMember]],
@@ -154,7 +154,7 @@ class Switchboard:
         self._device = device
         self.bearer.count = self._count
         self._path = device.spec.management
-        self._changed = changed
+        self._on_change = on_change
         self._certificate = certificate
         self._tallies = tallies
         self._others = others
@@ -183,7 +183,7 @@ class Switchboard:
         if self._clock is not None:
             self._clock.cancel()
         for connection in self.connections:
-            connection.rebooted(clean=False)
+            connection.handle_reboot(clean=False)
             connection.pipe.stop(reset=False)
 
     @property
@@ -206,7 +206,7 @@ class Switchboard:
 
     def _count(self, port: str | None, direction: Direction, size: int) -> None:
         """The device forgets it when it restarts, as a router does."""
-        self._device.core.count(port or self._path.port, received=direction is Direction.UP, size=size)
+        self._device.core.count(port or self._path.port, is_received=direction is Direction.UP, size=size)
 
     # Faults.
 
@@ -230,7 +230,7 @@ class Switchboard:
         """Go down, after closing the sockets if `clean`; back after `boot_s`."""
         self.booting = True
         for connection in self.connections:
-            connection.rebooted(clean=clean)
+            connection.handle_reboot(clean=clean)
         if self.line is not None:
             self.line.down(clean=clean)
         self._device.reboot(clean=clean)
@@ -271,19 +271,19 @@ class Switchboard:
         row = self._device.services().get(service)
         busy = sum(pipe.service == service and pipe.established and not pipe.lost for pipe in self._connections)
         caller = address or self._path.technician
-        return row is not None and row.enabled and row.admits(caller) and busy <= row.max_sessions
+        return row is not None and row.is_enabled and row.admits(caller) and busy <= row.max_sessions
 
-    def reaches(self, service: str, *, established: bool) -> bool:
+    def reaches(self, service: str, *, is_established: bool) -> bool:
         """Do packets get through the router's own configuration, both ways."""
         path = self._path
         here = not self.booting and (self.carried is None or self.carried())
-        return here and self._device.path_open(path.technician, path.local, service, established=established)
+        return here and self._device.path_open(path.technician, path.local, service, is_established=is_established)
 
-    def opened(self, pipe: Pipe) -> None:
+    def handle_open(self, pipe: Pipe) -> None:
         """A client has connected."""
         self._tallies.append(self._connections[pipe].tally)
 
-    def closed(self, pipe: Pipe) -> None:
+    def handle_close(self, pipe: Pipe) -> None:
         """Neither end will be heard of again."""
         self._connections.pop(pipe, None)
 
@@ -310,7 +310,7 @@ class Switchboard:
             if self._revision == self._device.revision:
                 return
             self._revision = self._device.revision
-            await self._changed()
+            await self._on_change()
             self._touch_radio()
             self.regate()
 
@@ -324,9 +324,9 @@ class Switchboard:
 
     def watch(self, task: asyncio.Task[None]) -> None:
         """Reset all connections if `task` fails, and keep why."""
-        task.add_done_callback(self._finished)
+        task.add_done_callback(self._handle_finish)
 
-    def _finished(self, task: asyncio.Task[None]) -> None:
+    def _handle_finish(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled() and (failure := task.exception()) is not None:
             self.failure = self.failure or failure
             for connection in self.connections:

@@ -133,7 +133,7 @@ def _issue(common_name: str, address: str) -> bytes:
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
     names = x509.SubjectAlternativeName([x509.DNSName(common_name), x509.IPAddress(IPv4Address(address))])
     start = datetime.now(UTC) - timedelta(days=1)
-    signed = (
+    cert = (
         x509.CertificateBuilder(issuer_name=name, subject_name=name, public_key=key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(start)
@@ -143,4 +143,4 @@ def _issue(common_name: str, address: str) -> bytes:
         .sign(key, hashes.SHA256())
     )
     secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    return secret + signed.public_bytes(Encoding.PEM)
+    return secret + cert.public_bytes(Encoding.PEM)

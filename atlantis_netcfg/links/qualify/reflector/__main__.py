@@ -38,39 +38,39 @@ _QUEUE_S = 0.05
 def open_socket(address: str, port: int) -> socket.socket:
     """Bind a socket that stamps what it receives, tells the TTL, and fragments nothing."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    opened = socket.socket(family, socket.SOCK_DGRAM)
-    opened.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
-    opened.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
+    udp_socket = socket.socket(family, socket.SOCK_DGRAM)
+    udp_socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    udp_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER)
     if family == socket.AF_INET:
-        opened.setsockopt(socket.IPPROTO_IP, _IP_RECVTTL, 1)
-        opened.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _NO_FRAGMENTS)
+        udp_socket.setsockopt(socket.IPPROTO_IP, _IP_RECVTTL, 1)
+        udp_socket.setsockopt(socket.IPPROTO_IP, _IP_MTU_DISCOVER, _NO_FRAGMENTS)
     else:
-        opened.setsockopt(socket.IPPROTO_IPV6, _IPV6_RECVHOPLIMIT, 1)
-        opened.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _NO_FRAGMENTS)
-    opened.setblocking(False)
-    opened.bind((address, port))
-    return opened
+        udp_socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_RECVHOPLIMIT, 1)
+        udp_socket.setsockopt(socket.IPPROTO_IPV6, _IPV6_MTU_DISCOVER, _NO_FRAGMENTS)
+    udp_socket.setblocking(False)
+    udp_socket.bind((address, port))
+    return udp_socket
 
 
-def answer_waiting(opened: socket.socket, reflector: Reflector) -> None:
+def answer_waiting(udp_socket: socket.socket, reflector: Reflector) -> None:
     """Answer what has come up to now."""
     for _ in range(_AT_ONCE):
         try:
-            datagram, extra, _, source = opened.recvmsg(_LONGEST, 256)
+            datagram, extra, _, source = udp_socket.recvmsg(_LONGEST, 256)
         except BlockingIOError:
             return
         except OSError:  # an ICMP error for an earlier answer
             continue
-        received_ns, ttl = _received(extra)
+        received_ns, ttl = _parse_ancillary(extra)
         reply = reflector.answer(datagram, source, received_ns, ttl, time.time_ns)
         if reply is not None:
             try:
-                opened.sendto(reply, source)
+                udp_socket.sendto(reply, source)
             except OSError:  # nobody is there any more, or the queue is full: it is lost, as on the link
                 continue
 
 
-def _received(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
+def _parse_ancillary(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
     """When the kernel received it, and the TTL that it had."""
     received_ns, ttl = time.time_ns(), _UNKNOWN_TTL
     for level, kind, data in extra:
@@ -82,26 +82,26 @@ def _received(extra: list[tuple[int, int, bytes]]) -> tuple[int, int]:
     return received_ns, ttl
 
 
-def send_requested(opened: socket.socket, reflector: Reflector) -> float | None:
+def send_requested(udp_socket: socket.socket, reflector: Reflector) -> float | None:
     """Send what is due of requested messages; in how many seconds more is due. None: no message is under way."""
     for _ in range(_AT_ONCE):
-        requested = reflector.requested_chunk(time.time_ns)
-        if requested is None:
+        chunk = reflector.requested_chunk(time.time_ns)
+        if chunk is None:
             break
         try:
-            opened.sendto(*requested)
+            udp_socket.sendto(*chunk)
         except BlockingIOError:
             # What this computer could not take at once would look like loss of the link.
-            select.select([], [opened], [], _QUEUE_S)
+            select.select([], [udp_socket], [], _QUEUE_S)
             with suppress(OSError):
-                opened.sendto(*requested)
+                udp_socket.sendto(*chunk)
         except OSError:  # nobody is there any more
             continue
     due = reflector.due_ns()
     return None if due is None else max(0.0, (due - time.time_ns()) / 1e9)
 
 
-async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
+async def serve(udp_socket: socket.socket, reflector: Reflector, end: asyncio.Event) -> None:
     """Answer until the end is set."""
     loop = asyncio.get_running_loop()
     timers: list[asyncio.TimerHandle] = []
@@ -109,36 +109,36 @@ async def serve(opened: socket.socket, reflector: Reflector, end: asyncio.Event)
     def send() -> None:
         for timer in timers:
             timer.cancel()
-        wait = send_requested(opened, reflector)
+        wait = send_requested(udp_socket, reflector)
         timers[:] = [] if wait is None else [loop.call_later(wait, send)]
 
     def answer() -> None:
-        answer_waiting(opened, reflector)
+        answer_waiting(udp_socket, reflector)
         send()
 
-    loop.add_reader(opened.fileno(), answer)
+    loop.add_reader(udp_socket.fileno(), answer)
     try:
         await end.wait()
     finally:
-        loop.remove_reader(opened.fileno())
+        loop.remove_reader(udp_socket.fileno())
 
 
-async def _until_ended(opened: socket.socket, reflector: Reflector, idle_s: float | None) -> None:
+async def _until_ended(udp_socket: socket.socket, reflector: Reflector, idle_s: float | None) -> None:
     end = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, end.set)
-    print("ready on port {}".format(opened.getsockname()[1]), flush=True)  # noqa: T201, UP032 - a program of its own
+    print("ready on port {}".format(udp_socket.getsockname()[1]), flush=True)  # noqa: T201, UP032 - a program of its own
     watch = loop.create_task(_end_when_idle(reflector, end, idle_s))
-    await serve(opened, reflector, end)
+    await serve(udp_socket, reflector, end)
     watch.cancel()
 
 
 async def _end_when_idle(reflector: Reflector, end: asyncio.Event, idle_s: float | None) -> None:
     """Set the end once nobody has been answered for so long; None: never."""
-    answered = -1
-    while idle_s is not None and answered != reflector.statistics.answered + reflector.statistics.requested:
-        answered = reflector.statistics.answered + reflector.statistics.requested
+    answer_count = -1
+    while idle_s is not None and answer_count != reflector.statistics.answered + reflector.statistics.requested:
+        answer_count = reflector.statistics.answered + reflector.statistics.requested
         await asyncio.sleep(idle_s)
     if idle_s is not None:
         end.set()
@@ -168,14 +168,14 @@ def main(words: list[str] | None = None) -> int:
         parser.error("the key in {} has fewer than {} octets".format(arguments.key_file, MIN_KEY_SIZE))  # noqa: UP032
     if key is not None and arguments.name is not None:
         key = reflector_key(key, arguments.name)
-    with open_socket(arguments.address, arguments.port) as opened:
+    with open_socket(arguments.address, arguments.port) as udp_socket:
         reflector = Reflector(
             key,
-            port=opened.getsockname()[1],
+            port=udp_socket.getsockname()[1],
             rate_bps=arguments.rate_mbps * 1e6,
             clock=(lambda: ClockState(True, arguments.clock_error_s)) if arguments.synchronised else kernel_clock,
         )
-        asyncio.run(_until_ended(opened, reflector, arguments.idle_s))
+        asyncio.run(_until_ended(udp_socket, reflector, arguments.idle_s))
     print(reflector.statistics, file=sys.stderr)  # noqa: T201
     return 0
 

@@ -25,12 +25,12 @@ from .clock import UNKNOWN, ClockState
 from .stamp import (
     CHUNK,
     COUNTERS,
+    FLAG_UNRECOGNISED,
     MISSING,
     PADDING,
     PORT,
     REQUEST,
     TOKEN_SIZE,
-    UNRECOGNISED,
     Acknowledgement,
     BadPacket,
     MessageChunk,
@@ -106,22 +106,22 @@ class _TestSession:
     """Timestamps up to this belong to an earlier session of the same identifier."""
     sequence: int = 0
     highest: int = -1
-    seen: int = 0
+    seen_bits: int = 0
     """A bit for each of the packets up to the highest; bit 0 is that."""
     newest: int = 0
     """The greatest timestamp of its sender."""
-    received: int = 0
+    received_count: int = 0
     duplicates: int = 0
-    limited: int = 0
-    answered: int = 0
+    limited_count: int = 0
+    answered_count: int = 0
     messages: OrderedDict[int, _PartialMessage] = field(default_factory=OrderedDict)
-    requested: OrderedDict[int, int] = field(default_factory=OrderedDict)
+    chunks_by_message: OrderedDict[int, int] = field(default_factory=OrderedDict)
     """For each message that it has requested: how many chunks were sent."""
 
     def has_seen(self, sequence: int) -> bool:
         """Whether a packet was here before, or is too old to tell."""
         behind = self.highest - sequence
-        return behind >= _WINDOW or (behind >= 0 and bool(self.seen >> behind & 1))
+        return behind >= _WINDOW or (behind >= 0 and bool(self.seen_bits >> behind & 1))
 
     def is_new(self, sequence: int) -> bool:
         """Note a packet; False: it was here before, or is too old to tell."""
@@ -129,10 +129,10 @@ class _TestSession:
             return False
         ahead = sequence - self.highest
         if ahead > 0:
-            self.seen = (self.seen << ahead | 1) & (1 << _WINDOW) - 1 if ahead < _WINDOW else 1
+            self.seen_bits = (self.seen_bits << ahead | 1) & (1 << _WINDOW) - 1 if ahead < _WINDOW else 1
             self.highest = sequence
         else:
-            self.seen |= 1 << -ahead
+            self.seen_bits |= 1 << -ahead
         return True
 
 
@@ -152,7 +152,7 @@ class _ReceivedPacket:
 class _Sending:
     """A requested message under way."""
 
-    received: _ReceivedPacket
+    arrival: _ReceivedPacket
     session: _TestSession
     request: MessageRequest
     index: int
@@ -194,43 +194,43 @@ class Reflector:
     ) -> bytes | None:
         """Give what goes back to the source; None: nothing does. Times are since 1970."""
         try:
-            received = self._decoded(datagram, source, received_ns, ttl)
+            arrival = self._decode(datagram, source, received_ns, ttl)
         except BadPacket:
             self.statistics.refused += 1
             return None
-        packet = received.packet
+        packet = arrival.packet
         session = self._session(packet, source, received_ns)
         if session is None:
             return None
         # A chunk that wants no answer costs nothing of what a source may be sent.
-        is_answered = received.chunk is None or received.chunk.acknowledge
+        is_answered = arrival.chunk is None or arrival.chunk.acknowledge
         if is_answered and self._wait_ns((source[0], packet.session_id), len(datagram), received_ns):
-            session.limited += 1
+            session.limited_count += 1
             self.statistics.limited += 1
             return None
-        tlvs = self._extensions(session, received)
+        tlvs = self._extensions(session, arrival)
         if tlvs is None:
             return None
-        reply = self._reply(session, received, tlvs, now_ns()).encode(self._key)
+        reply = self._reply(session, arrival, tlvs, now_ns()).encode(self._key)
         if len(reply) > len(datagram):
             self.statistics.refused += 1
             return None
         session.sequence += 1
-        session.answered += not _wants_counters(packet)
+        session.answered_count += not _wants_counters(packet)
         self.statistics.answered += 1
         return reply
 
     def _is_stale(self, packet: SenderPacket, now: int) -> bool:
         """Whether it was sent too long ago, as far as both clocks can tell."""
         clock = self._clock()
-        if self._key is None or not clock.synchronised:
+        if self._key is None or not clock.is_synchronised:
             return False
         fresh_s = clock.error_s + (
             _FRESH_S + error_s(packet.error) if is_synchronised(packet.error) else _FRESH_UNSYNCHRONISED_S
         )
         return abs(now - unix_ns(packet.timestamp, packet.error)) > min(fresh_s, _FRESH_UNSYNCHRONISED_S) * 1e9
 
-    def _decoded(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _ReceivedPacket:
+    def _decode(self, datagram: bytes, source: Source, at_ns: int, ttl: int) -> _ReceivedPacket:
         if source[1] in self._reflector_ports:
             raise BadPacket("it comes from the port of a reflector")
         packet = decode_sender(datagram, self._key)
@@ -238,14 +238,14 @@ class Reflector:
         requests = (tlv.value for tlv in packet.tlvs if tlv.type == REQUEST and self._key is not None)
         return _ReceivedPacket(packet, chunk, next(map(MessageRequest.decode, requests), None), source, at_ns, ttl)
 
-    def _extensions(self, session: _TestSession, received: _ReceivedPacket) -> Tlvs | None:
+    def _extensions(self, session: _TestSession, arrival: _ReceivedPacket) -> Tlvs | None:
         """Give what the answer holds; None: it wants none now."""
-        if received.chunk is not None:
-            asks = self._keep(session, received.chunk, received.at_ns)
-            return (_acknowledgement(session, received.chunk),) if asks else None
-        if received.request is not None:
-            return self._request(session, received, received.request)
-        return _answers(received.packet.tlvs, session)
+        if arrival.chunk is not None:
+            asks = self._keep(session, arrival.chunk, arrival.at_ns)
+            return (_acknowledgement(session, arrival.chunk),) if asks else None
+        if arrival.request is not None:
+            return self._request(session, arrival, arrival.request)
+        return _answers(arrival.packet.tlvs, session)
 
     def _session(self, packet: SenderPacket, source: Source, now: int) -> _TestSession | None:
         """Give the session of a packet that is to be answered; None: of another, which is counted."""
@@ -253,7 +253,7 @@ class Reflector:
             self.statistics.stale += 1
             return None
         session = self._known_session(packet, source, now)
-        if session is None or not self._admitted(session, packet):
+        if session is None or not self._admit(session, packet):
             self.statistics.replayed += 1
             return None
         return session
@@ -282,10 +282,10 @@ class Reflector:
             if isinstance(name, int):
                 self._ended[name] = max(oldest.newest, oldest.after)
 
-    def _admitted(self, session: _TestSession, packet: SenderPacket) -> bool:
+    def _admit(self, session: _TestSession, packet: SenderPacket) -> bool:
         """Count it, unless it only wants to see the counters; whether it is to be answered."""
         counts = not _wants_counters(packet)
-        session.received += counts
+        session.received_count += counts
         session.newest = max(session.newest, packet.timestamp)
         if session.is_new(packet.sequence):
             return True
@@ -294,12 +294,12 @@ class Reflector:
 
     def _wait_ns(self, owners: tuple[str | int, ...], size: int, now: int) -> int:
         """Take so much of what a source and a session may have; else say how long they have to wait for it."""
-        left = {}
+        available = {}
         for owner in owners:
             tokens, since = self._tokens.pop(owner, (self._burst, now))
-            left[owner] = min(self._burst, tokens + (now - since) / 1e9 * self._rate), max(now, since)
-        missing = size - min(tokens for tokens, _ in left.values())
-        for owner, (tokens, since) in left.items():
+            available[owner] = min(self._burst, tokens + (now - since) / 1e9 * self._rate), max(now, since)
+        missing = size - min(tokens for tokens, _ in available.values())
+        for owner, (tokens, since) in available.items():
             self._tokens[owner] = (tokens if missing > 0 else tokens - size, since)
         while len(self._tokens) > _SOURCES:
             self._tokens.popitem(last=False)
@@ -309,19 +309,19 @@ class Reflector:
         """Give what only somebody who receives at this address can know, and only since this start."""
         return hmac.digest(self._secret, f"{session_id} {source[0]}".encode(), "sha256")[:TOKEN_SIZE]
 
-    def _request(self, session: _TestSession, received: _ReceivedPacket, request: MessageRequest) -> Tlvs | None:
+    def _request(self, session: _TestSession, arrival: _ReceivedPacket, request: MessageRequest) -> Tlvs | None:
         """Begin to send what is requested (None), or give its status."""
-        token = self._token(received.packet.session_id, received.source)
+        token = self._token(arrival.packet.session_id, arrival.source)
         is_known = hmac.compare_digest(request.token, token)
         if request.count and is_known and len(self._sendings) < _SENDINGS:
             # The messages of a session leave one after the other, so that its pace is kept.
             waits = any(sending.session is session for sending in self._sendings)
-            due_ns = _NEVER if waits else received.at_ns
-            self._sendings.append(_Sending(received, session, request, request.first, due_ns))
+            due_ns = _NEVER if waits else arrival.at_ns
+            self._sendings.append(_Sending(arrival, session, request, request.first, due_ns))
             return None
         rate_kbps = min(int(self._rate * 8 / 1000), 0xFFFFFFFF)
-        sent = session.requested.get(request.message, 0)
-        return (Tlv(REQUEST, RequestStatus(request.message, sent, rate_kbps, token).encode(), 0),)
+        sent_chunks = session.chunks_by_message.get(request.message, 0)
+        return (Tlv(REQUEST, RequestStatus(request.message, sent_chunks, rate_kbps, token).encode(), 0),)
 
     def due_ns(self) -> int | None:
         """When the next chunk of a requested message is to be sent; None: none is."""
@@ -335,23 +335,23 @@ class Reflector:
             return None
         request, session = sending.request, sending.session
         octets = request.chunk_octets(sending.index)
-        size = request.packet - chunk_room(request.packet, authenticated=True) + octets
-        received = sending.received
-        wait = self._wait_ns((received.source[0], received.packet.session_id), size, now)
+        size = request.packet - chunk_room(request.packet, is_authenticated=True) + octets
+        arrival = sending.arrival
+        wait = self._wait_ns((arrival.source[0], arrival.packet.session_id), size, now)
         if wait:
             sending.due_ns = now + wait
             return None
         data = secrets.token_bytes(octets)
         chunk = MessageChunk(request.message, request.message_size, sending.index, request.chunks, False, data)
         tlvs = (Tlv(CHUNK, chunk.encode(), 0),)
-        reply = self._reply(session, received, tlvs, now)
+        reply = self._reply(session, arrival, tlvs, now)
         session.sequence += 1
-        session.requested[request.message] = session.requested.get(request.message, 0) + 1
-        if len(session.requested) > _MESSAGES:
-            session.requested.popitem(last=False)
+        session.chunks_by_message[request.message] = session.chunks_by_message.get(request.message, 0) + 1
+        if len(session.chunks_by_message) > _MESSAGES:
+            session.chunks_by_message.popitem(last=False)
         self.statistics.requested += 1
         self._advance(sending, size, now)
-        return reply.encode(self._key), received.source
+        return reply.encode(self._key), arrival.source
 
     def _advance(self, sending: _Sending, size: int, now: int) -> None:
         """Go on to its next chunk. What would outlast the memory of its session is given up."""
@@ -359,18 +359,18 @@ class Reflector:
         sending.index += 1
         step = int(size * 8 * 1_000_000 / request.pace_kbps) if request.pace_kbps else 0
         sending.due_ns = max(sending.due_ns + step, now - _LAG_NS) if step else now
-        if sending.index == request.first + request.count or now - sending.received.at_ns > _IDLE_NS:
+        if sending.index == request.first + request.count or now - sending.arrival.at_ns > _IDLE_NS:
             self._sendings.remove(sending)
             following = next((each for each in self._sendings if each.session is sending.session), None)
             if following is not None:
-                following.due_ns = max(sending.due_ns, following.received.at_ns)
+                following.due_ns = max(sending.due_ns, following.arrival.at_ns)
 
     def _keep(self, session: _TestSession, chunk: MessageChunk, received_ns: int) -> bool:
         """Note a chunk; whether it wants an answer."""
         message = session.messages.setdefault(chunk.message, _PartialMessage(chunk.count))
-        kept = sum(each.count for each in session.messages.values())
-        while len(session.messages) > _MESSAGES or kept > _CHUNKS:
-            kept -= session.messages.popitem(last=False)[1].count
+        chunk_count = sum(each.count for each in session.messages.values())
+        while len(session.messages) > _MESSAGES or chunk_count > _CHUNKS:
+            chunk_count -= session.messages.popitem(last=False)[1].count
         bit = 1 << chunk.index
         if chunk.data and not message.have & bit and chunk.count == message.count:
             message.have |= bit
@@ -380,18 +380,18 @@ class Reflector:
             message.first = message.first or message.last
         return chunk.acknowledge
 
-    def _reply(self, session: _TestSession, received: _ReceivedPacket, tlvs: Tlvs, now: int) -> ReflectorPacket:
-        packet, clock = received.packet, self._clock()
+    def _reply(self, session: _TestSession, arrival: _ReceivedPacket, tlvs: Tlvs, now: int) -> ReflectorPacket:
+        packet, clock = arrival.packet, self._clock()
         return ReflectorPacket(
             sequence=session.sequence,
             timestamp=ntp(now),
-            error=error_estimate(clock.error_s, synchronised=clock.synchronised),
+            error=error_estimate(clock.error_s, is_synced=clock.is_synchronised),
             session_id=packet.session_id,
-            received=ntp(received.at_ns),
+            receive_timestamp=ntp(arrival.at_ns),
             sender_sequence=packet.sequence,
             sender_timestamp=packet.timestamp,
             sender_error=packet.error,
-            sender_ttl=received.ttl,
+            sender_ttl=arrival.ttl,
             tlvs=tlvs,
         )
 
@@ -415,12 +415,12 @@ def _acknowledgement(session: _TestSession, chunk: MessageChunk) -> Tlv:
 def _answers(tlvs: Tlvs, session: _TestSession) -> Tlvs:
     """Give them back: those that it knows with their answer, others with the flag that says so (RFC 8972, 4)."""
     return tuple(
-        Tlv(COUNTERS, _counted(session).encode(), 0)
+        Tlv(COUNTERS, _build_counters(session).encode(), 0)
         if tlv.type == COUNTERS
-        else Tlv(tlv.type, tlv.value, 0 if tlv.type == PADDING else UNRECOGNISED)
+        else Tlv(tlv.type, tlv.value, 0 if tlv.type == PADDING else FLAG_UNRECOGNISED)
         for tlv in tlvs
     )
 
 
-def _counted(session: _TestSession) -> ReflectorCounters:
-    return ReflectorCounters(session.received, session.duplicates, session.limited, session.answered)
+def _build_counters(session: _TestSession) -> ReflectorCounters:
+    return ReflectorCounters(session.received_count, session.duplicates, session.limited_count, session.answered_count)

@@ -11,7 +11,7 @@ import ctypes
 from typing import NamedTuple
 
 _LIBC = ctypes.CDLL(None, use_errno=True)
-_UNSYNCHRONISED = 0x40
+_STA_UNSYNC = 0x40
 """STA_UNSYNC of adjtimex(2)."""
 _TIME_ERROR = 5
 LEAST_ERROR_S = 0.1
@@ -22,7 +22,7 @@ UNKNOWN_ERROR_S = 1.0
 class ClockState(NamedTuple):
     """As it stands in the error estimate of a test packet (RFC 4656, 4.1.2)."""
 
-    synchronised: bool
+    is_synchronised: bool
     """To UTC, by an external source."""
     error_s: float
 
@@ -53,9 +53,9 @@ class Timex(ctypes.Structure):
     )
 
 
-def state_of(returned: int, timex: Timex) -> ClockState:
+def state_of(return_code: int, timex: Timex) -> ClockState:
     """Judge what adjtimex(2) has told."""
-    if returned < 0 or returned == _TIME_ERROR or timex.status & _UNSYNCHRONISED:
+    if return_code < 0 or return_code == _TIME_ERROR or timex.status & _STA_UNSYNC:
         return UNKNOWN
     return ClockState(True, max(LEAST_ERROR_S, timex.maxerror / 1e6))
 
@@ -64,7 +64,7 @@ def kernel_clock() -> ClockState:
     """Ask the kernel; where it does not answer, nothing is known."""
     timex = Timex()
     try:
-        returned = _LIBC.adjtimex(ctypes.byref(timex))
+        return_code = _LIBC.adjtimex(ctypes.byref(timex))
     except AttributeError:
         return UNKNOWN
-    return state_of(returned, timex)
+    return state_of(return_code, timex)

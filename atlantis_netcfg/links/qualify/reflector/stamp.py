@@ -27,16 +27,16 @@ CHUNK = 253
 """Private. A request has a `MessageChunk`, the reply an `Acknowledgement`; the reply to a `REQUEST` has a chunk."""
 REQUEST = 254
 """Private, authenticated alone. A request has a `MessageRequest`; its reply a `RequestStatus`, or a `CHUNK`."""
-UNRECOGNISED = 0x80
+FLAG_UNRECOGNISED = 0x80
 """A sender sets it; a reflector that knows the type clears it."""
-MALFORMED = 0x40
+FLAG_MALFORMED = 0x40
 INTEGRITY = 0x20
 
 _NTP_1970 = 2_208_988_800
 _ERA = 1 << 32
 _HMAC_SIZE = 16
 _MULTIPLIER = 255
-_PROTECTED = 96
+_HMAC_RANGE = 96
 _SENDER = struct.Struct(">IQHH28x")
 _SENDER_AUTHENTICATED = struct.Struct(">I12xQHH68x")
 _REFLECTOR = struct.Struct(">IQHHQIQHxxBxxx")
@@ -88,14 +88,14 @@ def unix_ns(stamp: int, error: int = 1) -> int:
     return (seconds - _NTP_1970) * 1_000_000_000 + (fraction * 1_000_000_000 + (1 << 31) >> 32)
 
 
-def error_estimate(error_s: float, *, synchronised: bool) -> int:
+def error_estimate(error_s: float, *, is_synced: bool) -> int:
     """Give 16 bits: whether the clock is synchronised, NTP's format, and the error (RFC 4656, 4.1.2)."""
     units = max(1, math.ceil(error_s * _ERA))
     scale = max(0, (units - 1).bit_length() - 8)
     multiplier = -(-units // (1 << scale))
     if multiplier > _MULTIPLIER:
         scale, multiplier = scale + 1, 128
-    return (0x8000 if synchronised else 0) | min(scale, 63) << 8 | multiplier
+    return (0x8000 if is_synced else 0) | min(scale, 63) << 8 | multiplier
 
 
 def error_s(error: int) -> float:
@@ -114,7 +114,7 @@ class Tlv:
 
     type: int
     value: bytes
-    flags: int = UNRECOGNISED
+    flags: int = FLAG_UNRECOGNISED
 
     def encode(self) -> bytes:
         """As it stands in a packet."""
@@ -138,7 +138,7 @@ class SenderPacket:
         """Give its bytes, authenticated where there is a key."""
         form = _SENDER if key is None else _SENDER_AUTHENTICATED
         base = form.pack(self.sequence, self.timestamp, self.error, self.session_id)
-        return _sealed(base, self.tlvs, _directed(key, b"request"))
+        return _seal(base, self.tlvs, _derive_key(key, b"request"))
 
 
 @dataclass(frozen=True)
@@ -149,7 +149,7 @@ class ReflectorPacket:
     timestamp: int
     error: int
     session_id: int
-    received: int
+    receive_timestamp: int
     sender_sequence: int
     sender_timestamp: int
     sender_error: int
@@ -164,19 +164,19 @@ class ReflectorPacket:
             self.timestamp,
             self.error,
             self.session_id,
-            self.received,
+            self.receive_timestamp,
             self.sender_sequence,
             self.sender_timestamp,
             self.sender_error,
             self.sender_ttl,
         )
-        return _sealed(base, self.tlvs, _directed(key, b"answer"))
+        return _seal(base, self.tlvs, _derive_key(key, b"answer"))
 
 
 def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
     """Read a request. BadPacket."""
-    key = _directed(key, b"request")
-    form, body = _opened(data, key, _SENDER, _SENDER_AUTHENTICATED)
+    key = _derive_key(key, b"request")
+    form, body = _verify(data, key, _SENDER, _SENDER_AUTHENTICATED)
     sequence, timestamp, error, session_id = form.unpack_from(data)
     if key is None and _is_answer(data):
         raise BadPacket("it is what a reflector has answered")
@@ -185,14 +185,14 @@ def decode_sender(data: bytes, key: bytes | None = None) -> SenderPacket:
 
 def decode_reflector(data: bytes, key: bytes | None = None) -> ReflectorPacket:
     """Read an answer. BadPacket."""
-    key = _directed(key, b"answer")
-    form, body = _opened(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
+    key = _derive_key(key, b"answer")
+    form, body = _verify(data, key, _REFLECTOR, _REFLECTOR_AUTHENTICATED)
     return replace(ReflectorPacket(*form.unpack_from(data)), tlvs=_tlvs(data[:4], body, key))
 
 
-def padding(size: int, *, authenticated: bool) -> Tlvs:
+def padding(size: int, *, is_authenticated: bool) -> Tlvs:
     """Give what fills a packet without other TLVs up to `size` octets of UDP payload. ValueError: it cannot be."""
-    missing = size - (AUTHENTICATED_SIZE if authenticated else BASE_SIZE)
+    missing = size - (AUTHENTICATED_SIZE if is_authenticated else BASE_SIZE)
     if missing == 0:
         return ()
     if missing < TLV_SIZE:
@@ -205,17 +205,17 @@ def padding(size: int, *, authenticated: bool) -> Tlvs:
 class ReflectorCounters:
     """What the reflector did with the packets of this session; those that ask for these counters are not among them."""
 
-    received: int
+    received_count: int
     """All that came, also those that it did not answer."""
     duplicates: int
     """Of these: had come before."""
-    limited: int
+    limited_count: int
     """Of these: more than its rate for a source allows. They look like loss."""
-    answered: int
+    answered_count: int
 
     def encode(self) -> bytes:
         """As the value of a TLV."""
-        return _COUNTERS.pack(self.received, self.duplicates, self.limited, self.answered)
+        return _COUNTERS.pack(self.received_count, self.duplicates, self.limited_count, self.answered_count)
 
     @classmethod
     def decode(cls, value: bytes) -> ReflectorCounters:
@@ -272,9 +272,9 @@ class Acknowledgement:
 
     def encode(self) -> bytes:
         """As the value of a TLV."""
-        named = self.indexes[:MISSING]
-        head = _ACKNOWLEDGEMENT.pack(self.message, self.size, self.missing, len(named), self.first, self.last)
-        return head + struct.pack(f">{len(named)}H", *named)
+        named_indexes = self.indexes[:MISSING]
+        head = _ACKNOWLEDGEMENT.pack(self.message, self.size, self.missing, len(named_indexes), self.first, self.last)
+        return head + struct.pack(f">{len(named_indexes)}H", *named_indexes)
 
     @classmethod
     def decode(cls, value: bytes) -> Acknowledgement:
@@ -306,11 +306,11 @@ class MessageRequest:
     @property
     def chunks(self) -> int:
         """How many the whole message has."""
-        return -(-self.message_size // chunk_room(self.packet, authenticated=True))
+        return -(-self.message_size // chunk_room(self.packet, is_authenticated=True))
 
     def chunk_octets(self, index: int) -> int:
         """How much of the message a chunk holds."""
-        room = chunk_room(self.packet, authenticated=True)
+        room = chunk_room(self.packet, is_authenticated=True)
         return min(room, self.message_size - index * room)
 
     def encode(self) -> bytes:
@@ -324,7 +324,7 @@ class MessageRequest:
         if len(value) != _REQUEST.size:
             raise BadPacket("a request for a message has another length")
         request = cls(*_REQUEST.unpack(value))
-        fits = request.message_size > 0 and chunk_room(request.packet, authenticated=True) > 0
+        fits = request.message_size > 0 and chunk_room(request.packet, is_authenticated=True) > 0
         if not fits or request.first + request.count > request.chunks or request.chunks > _MOST_CHUNKS:
             raise BadPacket("a request for a message contradicts itself")
         return request
@@ -335,7 +335,7 @@ class RequestStatus:
     """What became of the requests for a message."""
 
     message: int
-    sent: int
+    sent_chunks: int
     """Chunks of it that were sent, each as often as it was; at most 65,535."""
     rate_kbps: int
     """What the reflector sends to one address at most."""
@@ -343,7 +343,7 @@ class RequestStatus:
 
     def encode(self) -> bytes:
         """As the value of a TLV."""
-        return _STATUS.pack(self.message, min(self.sent, _MOST_CHUNKS), self.rate_kbps, self.token)
+        return _STATUS.pack(self.message, min(self.sent_chunks, _MOST_CHUNKS), self.rate_kbps, self.token)
 
     @classmethod
     def decode(cls, value: bytes) -> RequestStatus:
@@ -353,14 +353,14 @@ class RequestStatus:
         return cls(*_STATUS.unpack(value))
 
 
-def extended_size(*, authenticated: bool) -> int:
+def extended_size(*, is_authenticated: bool) -> int:
     """Give the UDP payload of a packet before its extensions, and the HMAC that protects them."""
-    return AUTHENTICATED_SIZE + HMAC_TLV_SIZE if authenticated else BASE_SIZE
+    return AUTHENTICATED_SIZE + HMAC_TLV_SIZE if is_authenticated else BASE_SIZE
 
 
-def chunk_room(packet: int, *, authenticated: bool) -> int:
+def chunk_room(packet: int, *, is_authenticated: bool) -> int:
     """Give how many octets of a message a packet of this UDP payload carries; 0 or less: none."""
-    return packet - extended_size(authenticated=authenticated) - CHUNK_HEADER_SIZE
+    return packet - extended_size(is_authenticated=is_authenticated) - CHUNK_HEADER_SIZE
 
 
 def reflector_key(key: bytes, reflector: str) -> bytes:
@@ -369,33 +369,33 @@ def reflector_key(key: bytes, reflector: str) -> bytes:
 
 
 @lru_cache(maxsize=64)
-def _directed(key: bytes | None, direction: bytes) -> bytes | None:
+def _derive_key(key: bytes | None, direction: bytes) -> bytes | None:
     return None if key is None else hmac.digest(key, b"STAMP " + direction, "sha256")
 
 
 def _is_answer(data: bytes) -> bool:
     """Whether a packet without a key is a reflector's: a request has no time of receipt shortly before its stamp."""
     timestamp: int
-    received: int
-    _, timestamp, _, _, received, *_ = _REFLECTOR.unpack_from(data)
-    return 0 < received <= timestamp < received + _MOST_RESIDENCE
+    receive_timestamp: int
+    _, timestamp, _, _, receive_timestamp, *_ = _REFLECTOR.unpack_from(data)
+    return 0 < receive_timestamp <= timestamp < receive_timestamp + _MOST_RESIDENCE
 
 
 def _digest(key: bytes, data: bytes) -> bytes:
     return hmac.digest(key, data, "sha256")[:_HMAC_SIZE]
 
 
-def _sealed(base: bytes, tlvs: Tlvs, key: bytes | None) -> bytes:
+def _seal(base: bytes, tlvs: Tlvs, key: bytes | None) -> bytes:
     body = b"".join(tlv.encode() for tlv in tlvs)
     if key is None:
         return base + body
     if any(tlv.type != PADDING for tlv in tlvs):
-        body += Tlv(HMAC_TLV, _digest(key, base[:4] + body), tlvs[0].flags & UNRECOGNISED).encode()
+        body += Tlv(HMAC_TLV, _digest(key, base[:4] + body), tlvs[0].flags & FLAG_UNRECOGNISED).encode()
     return base + _digest(key, base) + body
 
 
-def _opened(
-    data: bytes, key: bytes | None, plain: struct.Struct, authenticated: struct.Struct
+def _verify(
+    data: bytes, key: bytes | None, plain: struct.Struct, authenticated_form: struct.Struct
 ) -> tuple[struct.Struct, bytes]:
     """Give the format of the base packet and what follows it; whoever has no key is refused here."""
     if key is None:
@@ -404,16 +404,16 @@ def _opened(
         return plain, data[BASE_SIZE:]
     if len(data) < AUTHENTICATED_SIZE:
         raise BadPacket("shorter than an authenticated test packet")
-    if not hmac.compare_digest(_digest(key, data[:_PROTECTED]), data[_PROTECTED:AUTHENTICATED_SIZE]):
+    if not hmac.compare_digest(_digest(key, data[:_HMAC_RANGE]), data[_HMAC_RANGE:AUTHENTICATED_SIZE]):
         raise BadPacket("its HMAC is wrong")
-    return authenticated, data[AUTHENTICATED_SIZE:]
+    return authenticated_form, data[AUTHENTICATED_SIZE:]
 
 
 def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
     """Read TLVs; the HMAC TLV is verified and left out. Octets that are no TLVs (TWAMP pads so) end the list."""
-    found: list[Tlv] = []
+    tlvs: list[Tlv] = []
     place = 0
-    protected = key is None
+    is_protected = key is None
     while place < len(body):
         if len(body) - place < TLV_SIZE:
             break
@@ -424,12 +424,12 @@ def _tlvs(sequence: bytes, body: bytes, key: bytes | None) -> Tlvs:
         if kind == HMAC_TLV and key is not None:
             if not hmac.compare_digest(_digest(key, sequence + body[:place]), value):
                 raise BadPacket("the HMAC of its extensions is wrong")
-            protected = True
+            is_protected = True
             break
-        if len(found) == _MOST_TLVS:
+        if len(tlvs) == _MOST_TLVS:
             raise BadPacket("it has more than 64 extensions")
-        found.append(Tlv(kind, value, flags))
+        tlvs.append(Tlv(kind, value, flags))
         place += TLV_SIZE + length
-    if not protected and any(tlv.type != PADDING for tlv in found):
+    if not is_protected and any(tlv.type != PADDING for tlv in tlvs):
         raise BadPacket("its extensions are not authenticated")
-    return tuple(found)
+    return tuple(tlvs)

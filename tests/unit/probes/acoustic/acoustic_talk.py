@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from atlantis_netcfg.checklist.probes import Answer, Judged, Listen, Probe, Transcript, Trouble
+from atlantis_netcfg.checklist.probes import Answer, Listen, Probe, ProbeResult, Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac, SeatracSpec
 from atlantis_netcfg.emulator.acoustic._line import LineSpec
@@ -27,7 +27,7 @@ def twin_of(spec: LineSpec) -> Twin:
 def talk(twin: Twin, listen: Listen) -> Transcript:
     """Carry out a script."""
     spec = twin.spec
-    if spec.refuses or spec.held:
+    if spec.refuses or spec.is_occupied:
         return Transcript(Trouble.REFUSED if spec.refuses else Trouble.CLOSED, "in the system's words")
     talker, chunks, now_s = twin.talker(), [(0.0, b"")], 0.0
 
@@ -73,7 +73,7 @@ def hear(probe: Probe, twins: Mapping[str, Twin]) -> dict[str, Answer]:
     return heard
 
 
-def told(judged: Judged) -> list[list[str]]:
+def told(judged: ProbeResult) -> list[list[str]]:
     """Findings as the cases list them; whatever is not well says what to do."""
     assert all(one.hint for one in judged.findings if one.verdict is not Verdict.PASS)
     return [[str(one.verdict), one.code, one.message] for one in judged.findings]

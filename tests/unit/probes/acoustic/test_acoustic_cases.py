@@ -59,7 +59,7 @@ def test_what_is_found(declaration: Declaration, case: dict[str, Any]) -> None:
     for twin in there.values():
         assert twin.forbidden == []
         assert not (isinstance(twin, RunningSeatrac) and twin.damaged)
-        assert len(twin.transmitted) == (case.get("sent", 0) if twin.heard else 0)
+        assert len(twin.transmitted) == (case.get("sent", 0) if twin.inputs else 0)
         assert not twin.transmitted_in_air
 
 
@@ -69,8 +69,8 @@ def test_every_script_is_on_the_lists(declaration: Declaration, item: str) -> No
     assert step.probe is not None
     for question in step.probe.asks():
         assert isinstance(question, Listen)
-        assert registry.refused(question, active=True) is None
-        assert (registry.refused(question, active=False) is not None) == (step.kind is ItemKind.ACTIVE)
+        assert registry.find_refusal(question, active=True) is None
+        assert (registry.find_refusal(question, active=False) is not None) == (step.kind is ItemKind.ACTIVE)
 
 
 def test_one_modem_is_one_question(declaration: Declaration) -> None:

@@ -204,7 +204,7 @@ def test_a_third_modem_in_use_leaves_the_others_compared(shipped: Declaration) -
     twins = {
         "10.64.1.21": twin_of(EvologicsSpec(hears=())),
         "10.64.1.22": twin_of(EvologicsSpec(local_address=2, packet_time_ms=500, hears=())),
-        "10.64.1.50": twin_of(EvologicsSpec(held=True)),
+        "10.64.1.50": twin_of(EvologicsSpec(is_occupied=True)),
     }
     assert [one.code for one in fleet.probe.judge(hear(fleet.probe, twins)).findings] == [
         *("not-compared", "packet-time-differs")

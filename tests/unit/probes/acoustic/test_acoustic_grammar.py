@@ -161,7 +161,7 @@ def test_the_payloads_of_the_beacon() -> None:
         (0x3A, b"\x3b"),
         (0x43, b"\x34\x02"),
     ]
-    assert seatrac.damaged(stream) == 1
+    assert seatrac.count_damaged(stream) == 1
 
 
 def test_records_of_the_beacon() -> None:

@@ -10,7 +10,7 @@ from gps_cases import CASES, Case
 from gps_said import WANTED, bytewise, epoch, fixes, gpsd, heard, nmea, tpv
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Judged, Listen, Place, Transcript
+from atlantis_netcfg.checklist.probes import Listen, Place, ProbeResult, Transcript
 from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps import gpsd as gpsd_reader
 from atlantis_netcfg.checklist.probes.gps import nmea as nmea_reader
@@ -21,7 +21,7 @@ from atlantis_netcfg.links import BearerFinding
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("gps_cases.yml").read_text(encoding="utf-8"))
 
 
-def judged(case: Case, transcript: Transcript) -> Judged:
+def judged(case: Case, transcript: Transcript) -> ProbeResult:
     return probe(case).judge({"positions": transcript})
 
 

@@ -8,14 +8,14 @@ from gps_said import DEVICE, NO_FIX, PATH, SKY, VERSION, WANTED, fixes, gpsd, gr
 from hypothesis import given, settings
 from hypothesis import strategies as some
 
-from atlantis_netcfg.checklist.probes import Judged, Place, Transcript
+from atlantis_netcfg.checklist.probes import Place, ProbeResult, Transcript
 from atlantis_netcfg.checklist.probes.gps import StreamGps
 from atlantis_netcfg.checklist.probes.gps.gpsd import read
 from atlantis_netcfg.checklist.probes.gps.record import Nature
 from atlantis_netcfg.inventory.model import GpsDriver
 
 
-def judged(transcript: Transcript) -> Judged:
+def judged(transcript: Transcript) -> ProbeResult:
     return StreamGps(WANTED[GpsDriver.GPSD], Place.GATEWAY).judge({"positions": transcript})
 
 

@@ -39,7 +39,7 @@ def test_three_epochs_are_three_reports() -> None:
     none, lone, fixed = reports(*[f"{line}\r\n".encode() for line in ("", *VIANA)])
     assert (none.mode, none.latitude, none.time) == (1, None, datetime(2026, 11, 20, 10, 15, tzinfo=UTC).timestamp())
     assert (lone.mode, lone.time, lone.of_day) == (3, None, 36920.0)
-    assert fixed.fixed
+    assert fixed.has_fix
     assert fixed.latitude == pytest.approx(41.686420)
     assert fixed.longitude == pytest.approx(-8.8388265)
     assert fixed.time == datetime(2026, 11, 20, 10, 15, 59, tzinfo=UTC).timestamp()

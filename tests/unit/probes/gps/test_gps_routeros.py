@@ -10,7 +10,7 @@ import yaml
 from gps_said import FENCE
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Judged, RouterOsQuery, Rows, Trouble, gps
+from atlantis_netcfg.checklist.probes import ProbeResult, RouterOsQuery, Rows, Trouble, gps
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from atlantis_netcfg.links.status import Query
@@ -18,7 +18,7 @@ from atlantis_netcfg.links.status import Query
 WANTED = gps.GpsExpectation("Offshore", GpsDriver.ROUTEROS, "GPS of off-router", "off-router", "off-router", FENCE)
 PROBE = gps.RouterosGps(WANTED, "off-router")
 HEARD = datetime(2026, 11, 20, 10, 15, 0, 500_000, tzinfo=UTC).timestamp()
-ON = Rows(None, rows=({"enabled": "true", "port": "usb1", "coordinate-format": "dd"},), heard=HEARD)
+ON = Rows(None, rows=({"enabled": "true", "port": "usb1", "coordinate-format": "dd"},), response_time=HEARD)
 ROW = {
     "date-and-time": "2026-11-20 10:14:59",
     "latitude": "41.686420",
@@ -35,18 +35,18 @@ SAMPLE = {**ROW, "date-and-time": "2021-09-07 08:26:26", "latitude": "56.969689"
 """Positions as in the manual's sample."""
 
 
-CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisbon"},), heard=HEARD)
+CLOCK = Rows(None, rows=({"gmt-offset": "+01:00", "time-zone-name": "Europe/Lisbon"},), response_time=HEARD)
 """In summer."""
 
 
 def judged(
     row: dict[str, str] | None, settings: Rows = ON, wanted: gps.GpsExpectation = WANTED, clock: Rows = CLOCK
-) -> Judged:
-    monitored = Rows(None, rows=None if row is None else (row,) if row else (), heard=HEARD)
-    return replace(PROBE, expected=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
+) -> ProbeResult:
+    monitored = Rows(None, rows=None if row is None else (row,) if row else (), response_time=HEARD)
+    return replace(PROBE, expectation=wanted).judge({"monitor": monitored, "settings": settings, "clock": clock})
 
 
-def told(found: Judged) -> list[str]:
+def told(found: ProbeResult) -> list[str]:
     assert all(one.hint for one in found.findings if one.verdict is not Verdict.PASS)
     return [f"{one.verdict} {one.code}: {one.message}" for one in found.findings]
 
@@ -179,7 +179,7 @@ def test_a_time_zone_counts_only_where_the_router_tells_it() -> None:
 
 
 def test_a_position_whose_time_nobody_has_compared_does_not_pass() -> None:
-    unheard = replace(ON, heard=0.0, rows=(ROW,))
+    unheard = replace(ON, response_time=0.0, rows=(ROW,))
     found = PROBE.judge({"monitor": unheard, "settings": ON, "clock": CLOCK})
     assert told(found) == [
         "INCONCLUSIVE clock-unknown: nobody has compared the time of Offshore's receiver with a clock"

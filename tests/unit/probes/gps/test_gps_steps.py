@@ -7,7 +7,7 @@ import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Listen, Place, Step
 from atlantis_netcfg.checklist.probes.gps import RouterosGps, StreamGps, steps
-from atlantis_netcfg.checklist.probes.registry import refused
+from atlantis_netcfg.checklist.probes.registry import find_refusal
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration
@@ -46,15 +46,15 @@ def test_a_stream_is_listened_to(declaration: Declaration, vehicle: str, address
         ("coastal-gateway",),
     )
     assert (probe.place, probe.address, probe.port) == (Place.GATEWAY, address, port)
-    assert (probe.expected.three, probe.expected.place) == (three, "coastal-gateway")
-    assert probe.expected.fence == declaration.sites["coastal"].checklist.geofence
+    assert (probe.expectation.three, probe.expectation.place) == (three, "coastal-gateway")
+    assert probe.expectation.fence == declaration.sites["coastal"].checklist.geofence
 
 
 @pytest.mark.parametrize("vehicle", ["sparus", "girona500"])
 def test_what_is_said_is_on_the_list_of_what_may_be(declaration: Declaration, vehicle: str) -> None:
     (question,) = stream(of(declaration, vehicle)).asks()
     assert isinstance(question, Listen)
-    assert refused(question, active=False) is None
+    assert find_refusal(question, active=False) is None
     assert bool(question.say) is (vehicle == "sparus")
 
 

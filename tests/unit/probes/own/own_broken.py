@@ -27,7 +27,7 @@ from atlantis_netcfg.checklist.probes import (
     Trouble,
 )
 from atlantis_netcfg.emulator import linux
-from atlantis_netcfg.emulator.routeros.spec import Called, Load, Validity
+from atlantis_netcfg.emulator.routeros.spec import DiscoveryNeighbour, Load, Validity
 
 ROGUE = linux.OfferSpec(server="192.168.8.1", mac="02:00:5E:00:01:24", address="192.168.8.100", router="192.168.8.1")
 ADVERTISED = linux.AdvertisementSpec(address="fe80::ff:fe00:124", mac="02:00:5e:00:01:24")
@@ -193,18 +193,18 @@ def ran(name: str, **changes: Any) -> World:  # noqa: ANN401 - fields of Ran
 def late(_question: Question, answer: Answer) -> Answer:
     """Over a satellite answers take a while, and prove less of a clock."""
     if isinstance(answer, Rows | CommandResult):
-        return replace(answer, asked=NOW.timestamp() - 30, heard=NOW.timestamp() + 45)
+        return replace(answer, request_time=NOW.timestamp() - 30, response_time=NOW.timestamp() + 45)
     return answer
 
 
 def slow(_question: Question, answer: Answer) -> Answer:
     if isinstance(answer, Rows | CommandResult):
-        return replace(answer, asked=NOW.timestamp() - 5, heard=NOW.timestamp() + 5)
+        return replace(answer, request_time=NOW.timestamp() - 5, response_time=NOW.timestamp() + 5)
     return answer
 
 
 def unstamped(_question: Question, answer: Answer) -> Answer:
-    return replace(answer, asked=0.0, heard=0.0) if isinstance(answer, Rows | CommandResult) else answer
+    return replace(answer, request_time=0.0, response_time=0.0) if isinstance(answer, Rows | CommandResult) else answer
 
 
 API = {"name": "atlantis-api", "invalid-after": "2029-05-10 10:00:00", "private-key": "true"}
@@ -321,7 +321,9 @@ BROKEN: dict[str, Callable[[], World]] = {
         around={
             **AROUND,
             "called": (
-                Called(identity="MikroTik", interface="bridge-lan", mac="02:00:5E:AA:00:04", address="10.64.1.77"),
+                DiscoveryNeighbour(
+                    identity="MikroTik", interface="bridge-lan", mac="02:00:5E:AA:00:04", address="10.64.1.77"
+                ),
             ),
         },
         script="/ip neighbor discovery-settings set discover-interface-list=all",
@@ -388,7 +390,7 @@ BROKEN: dict[str, Callable[[], World]] = {
         pc=timed(computer(), zone="Etc/UTC"), script="/system clock set time-zone-name=Europe/Brussels"
     ),
     "no time server answers": lambda: World(
-        around={**AROUND, "time_server": None}, pc=timed(computer(), synchronised=False)
+        around={**AROUND, "time_server": None}, pc=timed(computer(), is_synchronised=False)
     ),
     "the router asks no time server": lambda: typed("/system ntp client set enabled=no"),
     "a clock of before 7.10": lambda: lines_of(

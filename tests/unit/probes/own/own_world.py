@@ -113,9 +113,11 @@ class World:
         return self.answers(question, self._answer(question))
 
     def _answer(self, question: probes.Question) -> probes.Answer:
-        stamps = {"asked": NOW.timestamp() - 0.2, "heard": NOW.timestamp() + 0.3}
+        stamps = {"request_time": NOW.timestamp() - 0.2, "response_time": NOW.timestamp() + 0.3}
         if isinstance(question, probes.RouterOsQuery):
-            return replace(self._rows(question), asked=stamps["asked"], heard=stamps["heard"])
+            return replace(
+                self._rows(question), request_time=stamps["request_time"], response_time=stamps["response_time"]
+            )
         if isinstance(question, probes.RunProgram):
             rc, out, err = self.computer.answer(question.argv)
             trouble = probes.Trouble.MISSING if rc == 127 else None
@@ -145,12 +147,12 @@ class World:
 
     def _reflected(self, question: probes.ReflectRequest) -> probes.ReflectResult:
         sent = tuple(f"{number:032x}" for number in range(question.count))
-        came = self.computer.reflected(question.source, question.address, sent)
+        came = self.computer.reflect(question.source, question.address, sent)
         if came is None:
             return probes.ReflectResult(
                 probes.Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address"
             )
-        return probes.ReflectResult(None, "", sent, tuple(probes.Reflected(*one) for one in came))
+        return probes.ReflectResult(None, "", sent, tuple(probes.ReflectReply(*one) for one in came))
 
     def _rows(self, question: probes.RouterOsQuery) -> probes.Rows:
         """A router as it should be says the same to everybody, so that it is asked once."""
@@ -168,7 +170,7 @@ class World:
         told = [reply for reply in replies if reply.kind == "!re"]
         return probes.Rows(None, "", tuple(dict(word[1:].partition("=")[::2] for word in one.words) for one in told))
 
-    def judged(self, step: probes.Step) -> probes.Judged:
+    def judged(self, step: probes.Step) -> probes.ProbeResult:
         assert step.probe is not None
         questions = step.probe.asks()
         assert len({question.name for question in questions}) == len(questions)
@@ -183,7 +185,7 @@ class World:
         return {name: lines(judged) for name, judged in found.items()}
 
 
-def lines(judged: probes.Judged) -> list[str]:
+def lines(judged: probes.ProbeResult) -> list[str]:
     return [f"{one.verdict} {one.code}: {one.message}" for one in judged.findings]
 
 

@@ -50,7 +50,7 @@ def reached(laptop: Laptop) -> list[str]:
         names.append(host.name)
         raise NothingBehindIt(f"{host.name} is looked for")
 
-    laptop.monkeypatch.setattr("atlantis_netcfg.cli.links.seen", look)
+    laptop.monkeypatch.setattr("atlantis_netcfg.cli.links.read_links", look)
     laptop.monkeypatch.setattr("atlantis_netcfg.operations.vpn.router.install", install)
     laptop.monkeypatch.setattr("atlantis_netcfg.cli.adopt._adoption", adoption)
     laptop.type(*ROUTER)

@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist.probes import Cell, Step
 from atlantis_netcfg.checklist.probes.site_checks import steps
 from atlantis_netcfg.checklist.probes.step import CommandResult, Place, RunProgram
 from atlantis_netcfg.checklist.runner.simulated._world import gateway_computer
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec
 from atlantis_netcfg.emulator.linux._ip import iw
 from atlantis_netcfg.inventory import Declaration, load
@@ -61,7 +61,7 @@ def codes(**changes: Any) -> dict[str, str]:  # noqa: ANN401 - fields of the rad
     for question in step.probe.asks():
         assert isinstance(question, RunProgram)
         assert question.place is Place.GATEWAY
-        assert allowed(question.argv)
+        assert is_allowed(question.argv)
         code, out, err = iw(_changed(spec, changes), question.argv)
         results[question.name] = CommandResult(None, rc=code, out=out, err=err)
     return {finding.code: str(finding.verdict) for finding in step.probe.judge(results).findings}

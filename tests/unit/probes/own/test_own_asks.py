@@ -21,7 +21,7 @@ from atlantis_netcfg.checklist.probes.site_checks.addresses import FILES
 from atlantis_netcfg.checklist.probes.site_checks.certificates import IDENTITY
 from atlantis_netcfg.cli.base.commands import COMMANDS
 from atlantis_netcfg.computers import parts
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.emulator.routeros import schema
 from atlantis_netcfg.inventory.model import REFLECTOR_PORT
 from atlantis_netcfg.vpn import client
@@ -36,7 +36,7 @@ def test_the_router_has_the_words(version: str) -> None:
     tree = trees.Tree(version)
     for query in QUERIES:
         if query.menu == POE:  # hardware that the trees' Cloud Hosted Router lacks
-            added = {one.command: one.arguments for one in schema.ADDED if one.menu == POE}
+            added = {one.command: one.arguments for one in schema.ADDITIONS if one.menu == POE}
             assert {name for name, _ in query.words} <= {*added[query.command]}
             continue
         assert tree.has_command(query.menu, query.command)
@@ -73,7 +73,7 @@ def test_nothing_but_reading_is_asked_for() -> None:
 def test_every_program_is_on_the_list() -> None:
     programs = [one.argv for one in EVERY if isinstance(one, RunProgram)]
     assert programs
-    assert [argv for argv in programs if not allowed(argv)] == []
+    assert [argv for argv in programs if not is_allowed(argv)] == []
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_every_program_is_on_the_list() -> None:
     ],
 )
 def test_what_is_not_on_the_list_is_refused(words: str) -> None:
-    assert not allowed(tuple(words.split()))
+    assert not is_allowed(tuple(words.split()))
 
 
 def test_paths_are_those_that_the_toolkit_writes() -> None:

@@ -18,7 +18,7 @@ HAS_TUNNEL = json.dumps([{"ifname": "tun0", "addr_info": [{"family": "inet", "lo
 
 def answered(name: str, address: str) -> probes.ReflectResult:
     rows = ({"token": token, "host": name, "from": OWN, "to": address, "by": "tun0"} for token in TOKENS)
-    came = tuple(probes.Reflected(address, "tun0", 0.7, json.dumps(row).encode()) for row in rows)
+    came = tuple(probes.ReflectReply(address, "tun0", 0.7, json.dumps(row).encode()) for row in rows)
     return probes.ReflectResult(None, "", TOKENS, came)
 
 

@@ -176,7 +176,7 @@ def put(state: Path, link: MeasuredLink, *, emulated: bool = False, rehearsed: b
     """Write a measurement as the command writes it."""
     now = datetime.now(UTC)
     record = link.record("coastal", now)
-    place = folder_of(Store(state, rehearsed=rehearsed), "coastal") / record.run.id
+    place = folder_of(Store(state, is_rehearsal=rehearsed), "coastal") / record.run.id
     place.mkdir(parents=True)
     with (place / SAMPLES_FILE).open("w", encoding="utf-8") as file:
         writer = SampleWriter(file)

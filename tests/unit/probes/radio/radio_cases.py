@@ -12,7 +12,7 @@ from typing import Any, cast
 
 import yaml
 
-from atlantis_netcfg.checklist.probes import Answer, CommandResult, Judged, Probe, Trouble
+from atlantis_netcfg.checklist.probes import Answer, CommandResult, Probe, ProbeResult, Trouble
 from atlantis_netcfg.core.events import Verdict
 
 BSSID = "04:f0:21:45:12:9a"
@@ -37,7 +37,7 @@ def listed(test: str) -> dict[str, Any]:
     return cast("dict[str, Any]", yaml.safe_load(told))
 
 
-def check(case: Case, told: Mapping[str, Any], probe: Probe, healthy: Mapping[str, Answer]) -> Judged:
+def check(case: Case, told: Mapping[str, Any], probe: Probe, healthy: Mapping[str, Answer]) -> ProbeResult:
     """Judge, and compare with what is listed; every sentence that is no PASS says what to do."""
     judged = probe.judge({**healthy, **case.answers})
     wanted = told[case.name] if isinstance(told[case.name], dict) else {"findings": told[case.name]}

@@ -10,7 +10,7 @@ from atlantis_netcfg.checklist.probes import (
     LinkStatusResult,
     Trouble,
 )
-from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _registered
+from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, _check_registration
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe, _there
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
@@ -166,7 +166,7 @@ def test_bridge(case: Case) -> None:
 
 @pytest.mark.parametrize("case", UNITS, ids=str)
 def test_unit(case: Case) -> None:
-    check(case, LISTED["units"], BearerProbe("4g", _registered), UNIT)
+    check(case, LISTED["units"], BearerProbe("4g", _check_registration), UNIT)
 
 
 @pytest.mark.parametrize("case", TERMINALS, ids=str)

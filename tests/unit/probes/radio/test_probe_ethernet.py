@@ -5,7 +5,7 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.ethernet import CabledProbe
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory.model import EthernetEndpoint
 
 MAC = "02:00:5E:00:01:26"
@@ -188,5 +188,5 @@ def test_every_program_is_on_the_list() -> None:
         "ping -n -c 20 -i 0.2 -W 2 10.64.1.26",
         "ip -j neigh show to 10.64.1.26",
     ]
-    assert all(allowed(one.argv) for one in asked)
+    assert all(is_allowed(one.argv) for one in asked)
     assert [one.turn for one in asked] == ["", "10.64.1.26", "10.64.1.26"], "who has answered is known after the ping"

@@ -18,7 +18,7 @@ from row_subtests import for_each_row
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.wifi import AssociatedProbe, read_link, read_station
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory.model import WifiEndpoint
 
 HEALTHY: dict[str, Answer] = {
@@ -136,7 +136,7 @@ def test_every_code_has_its_case() -> None:
 
 def test_everything_that_is_asked_is_on_the_list() -> None:
     asked = [one for one in probe(CASES[0]).asks() if isinstance(one, RunProgram)]
-    assert all(allowed(one.argv) for one in asked)
+    assert all(is_allowed(one.argv) for one in asked)
     assert [" ".join(one.argv) for one in asked] == [
         *("iw dev wlan1 link", "iw dev wlan1 station dump", "iw dev wlan1 info", "iw reg get"),
         *("ip -j addr show dev wlan1", "ip -j route get 10.70.2.1", "ping -n -c 20 -i 0.2 -W 2 10.70.2.1"),

@@ -4,7 +4,7 @@ from radio_cases import NOBODY, Case, check, codes, listed, pings, way
 
 from atlantis_netcfg.checklist.probes import Answer, CommandResult, Place, RouterOsQuery, Rows, RunProgram, Trouble
 from atlantis_netcfg.checklist.probes.wifi import RegisteredProbe
-from atlantis_netcfg.core.reading_programs import allowed
+from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.inventory.model import WifiEndpoint
 
 MAC = "02:00:5E:00:01:23"
@@ -118,4 +118,4 @@ def test_the_device_has_the_words(version: str) -> None:
 def test_without_an_access_point_of_ours_only_a_ping_is_sent() -> None:
     asked = probe(Case("", endpoint={"seen_by": None})).asks()
     assert [one.name for one in asked] == ["route", "ping"]
-    assert all(isinstance(one, RunProgram) and allowed(one.argv) for one in asked)
+    assert all(isinstance(one, RunProgram) and is_allowed(one.argv) for one in asked)

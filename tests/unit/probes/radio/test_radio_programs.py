@@ -30,11 +30,11 @@ def test_ip_is_read_as_it_prints() -> None:
 
 
 def test_ping_is_read_as_it_prints(monkeypatch: pytest.MonkeyPatch) -> None:
-    wanted = _ping.Pinged("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
+    wanted = _ping.NeighbourPing("loopback", "127.0.0.1", Place.LAPTOP, 0.0, 10.0)
     ran = run(short("127.0.0.1"))
     echoes = _ping.read_ping(ran.out, "127.0.0.1")
     assert echoes is not None
-    assert (echoes.sent, echoes.received, echoes.loss_percent) == (2, 2, 0)
+    assert (echoes.sent_count, echoes.received_count, echoes.loss_percent) == (2, 2, 0)
     assert echoes.mean_ms is not None
     assert [one.code for one in _ping.judge_ping(wanted, ran).findings] == ["ping-cut-short"]
     monkeypatch.setattr(_ping, "COUNT", 2)

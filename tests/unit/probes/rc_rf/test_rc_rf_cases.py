@@ -12,8 +12,8 @@ from rc_cases import CASES, Case
 from rc_said import ARMED, UNUSED, WANTED, Says, bytewise, heard
 from row_subtests import for_each_row
 
-from atlantis_netcfg.checklist.probes import Cell, Judged, Listen, Place, Step, Transcript
-from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, SticksMoved, steps
+from atlantis_netcfg.checklist.probes import Cell, Listen, Place, ProbeResult, Step, Transcript
+from atlantis_netcfg.checklist.probes.rc_rf import RcExpectation, RcHeard, StickMovementProbe, steps
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration
@@ -22,11 +22,11 @@ from atlantis_netcfg.inventory.model import Endpoints
 LISTED: dict[str, list[str]] = yaml.safe_load(Path(__file__).with_name("rc_cases.yml").read_text(encoding="utf-8"))
 
 
-def judged(case: Case, transcript: Transcript) -> Judged:
+def judged(case: Case, transcript: Transcript) -> ProbeResult:
     wanted = replace(WANTED, **case.wanted)
     if case.step == "heard":
         return RcHeard(wanted, Place.GATEWAY).judge({"stream": transcript})
-    return SticksMoved(wanted, Place.GATEWAY).judge({"sticks": transcript})
+    return StickMovementProbe(wanted, Place.GATEWAY).judge({"sticks": transcript})
 
 
 @for_each_row("name", CASES, ids=str)
@@ -89,8 +89,8 @@ def test_way_of_each_channel_that_moved_is_evidence() -> None:
     ]
 
 
-@pytest.mark.parametrize("probe", [RcHeard(WANTED, Place.GATEWAY), SticksMoved(WANTED, Place.GATEWAY)])
-def test_nothing_is_ever_sent(probe: RcHeard | SticksMoved) -> None:
+@pytest.mark.parametrize("probe", [RcHeard(WANTED, Place.GATEWAY), StickMovementProbe(WANTED, Place.GATEWAY)])
+def test_nothing_is_ever_sent(probe: RcHeard | StickMovementProbe) -> None:
     (question,) = probe.asks()
     assert isinstance(question, Listen)
     assert (question.transport, question.port, question.say, question.address) == ("udp", 14550, (), "")
@@ -114,11 +114,11 @@ def test_listening_ends_when_enough_of_the_vehicle_was_heard(version: int) -> No
 
 
 def test_the_sticks_are_listened_to_until_the_end_for_it_may_be_armed_at_any_moment() -> None:
-    (question,) = SticksMoved(WANTED, Place.GATEWAY).asks()
+    (question,) = StickMovementProbe(WANTED, Place.GATEWAY).asks()
     assert isinstance(question, Listen)
     assert not question.enough
     late = heard([*[Says().second()] * 11, Says().second(mode=ARMED)])
-    assert SticksMoved(WANTED, Place.GATEWAY).judge({"sticks": late}).verdict is Verdict.FAIL
+    assert StickMovementProbe(WANTED, Place.GATEWAY).judge({"sticks": late}).verdict is Verdict.FAIL
 
 
 FRAMES = [*Says().second(), *Says(version=1).second(), b"\xfd", b"\xfe", b"\xfd\xff\x01\x00\x00\x01\x01\x41\x00\x00"]
@@ -128,7 +128,7 @@ FRAMES = [*Says().second(), *Says(version=1).second(), b"\xfd", b"\xfe", b"\xfd\
 def test_no_datagram_makes_the_reader_fail(datagrams: list[bytes]) -> None:
     transcript = heard([datagrams])
     assert RcHeard(WANTED, Place.GATEWAY).judge({"stream": transcript}).findings
-    assert SticksMoved(WANTED, Place.GATEWAY).judge({"sticks": transcript}).findings
+    assert StickMovementProbe(WANTED, Place.GATEWAY).judge({"sticks": transcript}).findings
 
 
 # Which items the column makes of a declaration.
@@ -154,7 +154,10 @@ def test_a_stream_is_listened_to_sticks_need_consent_and_the_rest_is_a_persons(d
         ("range", ItemKind.PERSON, Phase.QUAY),
     ]
     wanted = RcExpectation("Stork", "coastal-gateway", 14550, address="10.64.1.24")
-    assert [step.probe for step in made[:2]] == [RcHeard(wanted, Place.GATEWAY), SticksMoved(wanted, Place.GATEWAY)]
+    assert [step.probe for step in made[:2]] == [
+        RcHeard(wanted, Place.GATEWAY),
+        StickMovementProbe(wanted, Place.GATEWAY),
+    ]
     assert [step.concerns for step in made] == [("coastal-gateway",), ("coastal-gateway",), (), ()]
     consent = made[1].consent
     assert consent is not None

@@ -30,7 +30,7 @@ from atlantis_netcfg.checklist.probes import (
     robot,
     robot_files,
 )
-from atlantis_netcfg.checklist.probes.step import Judged
+from atlantis_netcfg.checklist.probes.step import ProbeResult
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.checklist.runner.robots import vpn_members
@@ -49,7 +49,7 @@ from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations.vpn.server_state import VpnSession
 from atlantis_netcfg.robots import observation as observed
-from atlantis_netcfg.robots.observation import Observation
+from atlantis_netcfg.robots.observation import RobotObservation
 from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, KeyType, Member, MemberKind, MemberLink, Wrap
 
 ROOT = Path(__file__).parents[4]
@@ -68,18 +68,18 @@ def inventory(tmp_path: Path) -> Path:
     return Path(shutil.copytree(ROOT / "inventory", tmp_path / "inventory"))
 
 
-def judged(listed: Checklist, name: str, answer: Answer) -> Judged:
+def judged(listed: Checklist, name: str, answer: Answer) -> ProbeResult:
     (probe,) = (entry.step.probe for entry in listed.entries if entry.item.id == name)
     assert probe is not None
     (question,) = probe.asks()
     return probe.judge({question.name: answer})
 
 
-def heard(observation: Observation) -> RobotsHeardResult:
+def heard(observation: RobotObservation) -> RobotsHeardResult:
     return RobotsHeardResult(None, "", observation)
 
 
-def codes(found: Judged) -> list[str]:
+def codes(found: ProbeResult) -> list[str]:
     return [finding.code for finding in found.findings]
 
 
@@ -129,7 +129,7 @@ def test_the_files_are_read_once_for_a_list(declaration: Declaration) -> None:
 
 
 def test_silence_is_never_green(coastal: Checklist) -> None:
-    silence = Observation(20.0)
+    silence = RobotObservation(20.0)
     for name in (*OF_SPARUS[1:], "coastal/robot/strangers"):
         found = judged(coastal, name, heard(silence))
         assert found.verdict is Verdict.INCONCLUSIVE, name
@@ -223,12 +223,12 @@ def test_a_guest_is_a_stranger_after_its_last_day(inventory: Path, monkeypatch: 
         assert codes(judged(plan(declaration, "coastal"), "coastal/robot/strangers", heard(seen))) == [code]
 
 
-MEMBER = VpnMember("iqua-sparus", "sparus", admitted=True)
+MEMBER = VpnMember("iqua-sparus", "sparus", has_certificate=True)
 VPN: Mapping[str, tuple[tuple[VpnMember, ...], Verdict, str]] = {
     "connected": ((replace(MEMBER, session="192.0.2.7:1194"),), Verdict.PASS, "member-connected"),
     "one of two": ((MEMBER, replace(MEMBER, name="b", session="192.0.2.7:1194")), Verdict.PASS, "member-connected"),
     "away": ((MEMBER,), Verdict.FAIL, "member-away"),
-    "revoked": ((replace(MEMBER, admitted=False),), Verdict.FAIL, "no-member"),
+    "revoked": ((replace(MEMBER, has_certificate=False),), Verdict.FAIL, "no-member"),
     "another's": ((replace(MEMBER, vehicle="zarco", session="192.0.2.7:1194"),), Verdict.SKIP, "behind-router"),
     "none": ((), Verdict.SKIP, "behind-router"),
 }
@@ -369,9 +369,9 @@ def test_who_is_connected_is_the_servers_word_of_now(declaration: Declaration, *
         assert found == VpnMembersResult(Trouble.SILENT, "its socket is closed")
         return
     assert found.members == (
-        VpnMember("iqua-a", "sparus", admitted=True, session="192.0.2.7:8"),
-        VpnMember("iqua-b", "zarco", admitted=False),
-        VpnMember("iqua-c", "mares", admitted=True),
+        VpnMember("iqua-a", "sparus", has_certificate=True, session="192.0.2.7:8"),
+        VpnMember("iqua-b", "zarco", has_certificate=False),
+        VpnMember("iqua-c", "mares", has_certificate=True),
     )
 
 

@@ -26,12 +26,12 @@ def record(words: "list[str]") -> None:
     options = dict(zip(words[::2], words[1::2]))  # noqa: B905 - Python 3.8 of Ubuntu 20.04 has no `strict`
     bag, size = Path(options["--output"]), int(options["--max-bag-size"])
     bag.mkdir(parents=True)
-    ended: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: ended.append(number))
+    signals: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _: signals.append(number))
     number = 0
-    while not ended:
+    while not signals:
         with (bag / f"{bag.name}_{number}.db3").open("wb", buffering=0) as file:
-            while not ended and file.tell() < size:
+            while not signals and file.tell() < size:
                 file.write(os.urandom(NOISE_BYTES))
                 time.sleep(PAUSE_S)
         number += 1

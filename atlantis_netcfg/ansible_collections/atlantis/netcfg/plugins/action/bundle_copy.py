@@ -42,21 +42,21 @@ class ActionModule(ZipappAction):
         result: dict[str, Any] = ActionBase.run(self, tmp, task_vars)
         variables = task_vars or {}
         host = str(variables["inventory_hostname"])
-        bundle = self._opened()
+        bundle = self._open_bundle()
         if host not in bundle.manifest.hosts:
             raise AnsibleActionFail(f"the bundle was made for {', '.join(bundle.manifest.hosts)}, and not for {host}")
         values = self._ask(bundle, None, variables)
         if not values.get("failed") and not values["known"]:
             values = self._ask(bundle, host, variables)
-        carried = 0
+        carried_bytes = 0
         if not values.get("failed") and values["missing"]:
-            carried, values = self._send(bundle, host, values, variables)
+            carried_bytes, values = self._send(bundle, host, values, variables)
         result.update(values)
         if not values.get("failed"):
-            result.update(_result(bundle, values, carried, sent=not self._task.check_mode))
+            result.update(_result(bundle, values, carried_bytes, is_sent=not self._task.check_mode))
         return result
 
-    def _opened(self) -> Bundle:
+    def _open_bundle(self) -> Bundle:
         from atlantis_netcfg.computers.bundle.manifest import Keys  # noqa: PLC0415
         from atlantis_netcfg.computers.bundle.open import open_bundle  # noqa: PLC0415
         from atlantis_netcfg.core import paths  # noqa: PLC0415 - Ansible imports every action plugin
@@ -81,11 +81,11 @@ class ActionModule(ZipappAction):
         from atlantis_netcfg.operations.common.costs import accepting  # noqa: PLC0415 - Ansible imports every action plugin
         from atlantis_netcfg.operations.common.request import PLAIN_ANSIBLE, of_variables  # noqa: PLC0415 - as above
 
-        metered = self._task.args.get("metered")
-        if metered and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
+        link_name = self._task.args.get("metered")
+        if link_name and not of_variables(variables).get("accept_cost", self._task.args.get("accept_cost", False)):
             command = (variables.get("atlantis_request") or {}).get("command", PLAIN_ANSIBLE)
             raise AnsibleActionFail(
-                f"{_size(size)} of the bundle would go over {metered}, which is paid by the byte,"
+                f"{_size(size)} of the bundle would go over {link_name}, which is paid by the byte,"
                 " and nobody has agreed to pay: nothing was sent\n"
                 f"type the same with {accepting(command)}, or go over another link: `via=lan`"
             )
@@ -96,8 +96,8 @@ class ActionModule(ZipappAction):
         """Send what is missing; give its bytes and the board's answer."""
         from atlantis_netcfg.computers.bundle.open import bytes_to_carry  # noqa: PLC0415 - Ansible imports every action plugin
 
-        desired = set(values["missing"])
-        there = {file.sha256 for file in bundle.manifest.of(host).values()} - desired
+        missing_hashes = set(values["missing"])
+        there = {file.sha256 for file in bundle.manifest.of(host).values()} - missing_hashes
         size = bytes_to_carry(bundle, host, there)
         if self._task.check_mode:
             return size, values
@@ -105,7 +105,7 @@ class ActionModule(ZipappAction):
         try:
             with temporary.folder("carry", temporary.roomy()) as folder:
                 archive = folder / "archive"
-                bundle.pack(host, desired, archive)
+                bundle.pack(host, missing_hashes, archive)
                 self._connection.put_file(str(archive), values["upload"])
         except AnsibleError as error:
             raise AnsibleActionFail(
@@ -129,14 +129,14 @@ def _size(size: int) -> str:
     return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1000:.0f} kB"
 
 
-def _result(bundle: Bundle, values: dict[str, Any], carried: int, *, sent: bool) -> dict[str, Any]:
-    words = "carried" if sent else "to carry"
-    changes = [f"bundle {bundle.manifest.id}: {_size(carried)} {words}"] if carried else []
+def _result(bundle: Bundle, values: dict[str, Any], carried_bytes: int, *, is_sent: bool) -> dict[str, Any]:
+    words = "carried" if is_sent else "to carry"
+    changes = [f"bundle {bundle.manifest.id}: {_size(carried_bytes)} {words}"] if carried_bytes else []
     changes += values["changes"]
     return {
         "changed": bool(changes),
         "changes": changes,
-        "carried_bytes": carried,
+        "carried_bytes": carried_bytes,
         "repository": f"{values['path']}/repository",
         "sources": f"{values['path']}/sources",
     }

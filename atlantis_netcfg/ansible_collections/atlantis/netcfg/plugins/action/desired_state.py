@@ -23,10 +23,8 @@ class ActionModule(EngineAction):
     _VALID_ARGS = frozenset({"request", "part"})
 
     @staticmethod
-    def perform(requested: TaskRequest) -> Mapping[str, Any]:
+    def perform(task: TaskRequest) -> Mapping[str, Any]:
         """Look it up in the declaration; refuse what this run may not do."""
         from atlantis_netcfg.operations.computers.desired_state import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        return perform(
-            requested.inventory, requested.hosts, requested.request, requested.part, plan_only=requested.plan_only
-        )
+        return perform(task.inventory, task.hosts, task.request, task.part, plan_only=task.plan_only)

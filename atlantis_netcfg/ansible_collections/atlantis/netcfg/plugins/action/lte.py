@@ -21,18 +21,18 @@ class ActionModule(EngineAction):
     """From a play to `atlantis_netcfg.operations.lte`."""
 
     @staticmethod
-    def perform(requested: TaskRequest) -> Mapping[str, Any]:
+    def perform(task: TaskRequest) -> Mapping[str, Any]:
         """Converge or check the units of the play; in check mode, only plan."""
-        from atlantis_netcfg.core.printable import cleaned  # noqa: PLC0415 - as above
+        from atlantis_netcfg.core.printable import clean  # noqa: PLC0415 - as above
         from atlantis_netcfg.operations.lte.run import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        values: dict[str, Any] = cleaned(
+        values: dict[str, Any] = clean(
             perform(
-                requested.inventory,
-                requested.hosts,
-                requested.request,
-                plan_only=requested.plan_only,
-                decrypt=requested.decrypt,
+                task.inventory,
+                task.hosts,
+                task.request,
+                plan_only=task.plan_only,
+                decrypt=task.decrypt,
             )
         )
         return values

@@ -48,7 +48,7 @@ class ActionModule(zipapp_action.ZipappAction):
         requests, secrets = [], []
         try:
             for name, arguments in self._calls(variables):
-                parameters, secret, wrong = zipapp_action.checked(name, arguments)
+                parameters, secret, wrong = zipapp_action.validate_arguments(name, arguments)
                 if wrong is not None:
                     break
                 requests.append(self.request(name, parameters, variables))
@@ -57,7 +57,7 @@ class ActionModule(zipapp_action.ZipappAction):
             self._display.vvv(printable.lines(f"prefetch ends: {error}"))
         answers = self.call("batch", requests, variables).get("answers", []) if requests else []
         clean_answers = [
-            printable.cleaned(zipapp_action.masked(zipapp_action.without_ansible(answer), secret))
+            printable.clean(zipapp_action.mask_secrets(zipapp_action.without_ansible(answer), secret))
             for answer, secret in zip(answers, secrets, strict=False)
         ]
         return {**result, "changed": False, **prefetch.pack(requests, clean_answers)}

@@ -20,8 +20,8 @@ class ActionModule(EngineAction):
     """From a play to `atlantis_netcfg.operations.common.terminals`."""
 
     @staticmethod
-    def perform(requested: TaskRequest) -> Mapping[str, Any]:
+    def perform(task: TaskRequest) -> Mapping[str, Any]:
         """Judge the terminals of the play; in check mode, record nothing."""
         from atlantis_netcfg.operations.common.terminals import perform  # noqa: PLC0415 - Ansible imports every action plugin
 
-        return perform(requested.inventory, requested.hosts, requested.request, plan_only=requested.plan_only)
+        return perform(task.inventory, task.hosts, task.request, plan_only=task.plan_only)

@@ -89,10 +89,14 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
         variables = manager.get_vars(play=play, host=hosts[0]) if hosts else {}
         if not hosts or not inventory_of(variables).is_dir():
             return
-        from atlantis_netcfg.operations.common.request import REHEARSED, declaration_of, of_variables  # noqa: PLC0415 - as above
+        from atlantis_netcfg.operations.common.request import REHEARSE_VARIABLE, declaration_of, of_variables  # noqa: PLC0415 - as above
 
         declaration = declaration_of(inventory_of(variables))
-        if REHEARSED in variables and not variables.get("atlantis_request") and of_variables(variables)["rehearsed"]:
+        if (
+            REHEARSE_VARIABLE in variables
+            and not variables.get("atlantis_request")
+            and of_variables(variables)["rehearsed"]
+        ):
             self._rehearse(manager, declaration, [declaration.hosts[host.name] for host in hosts])
 
     def _rehearse(self, manager: Any, declaration: Declaration, hosts: Sequence[Host]) -> None:  # noqa: ANN401
@@ -111,7 +115,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def v2_runner_on_start(self, host: Any, task: Any) -> None:  # noqa: ANN401
         """One line of progress."""
         if self._watch is not None:
-            self._watch.started(host.name, task.get_name())
+            self._watch.start_task(host.name, task.get_name())
 
     def v2_runner_on_ok(self, result: Any) -> None:  # noqa: ANN401
         """What it changed."""
@@ -121,7 +125,7 @@ class CallbackModule(CallbackBase):  # type: ignore[misc]  # ansible-core ships 
     def v2_runner_on_failed(self, result: Any, ignore_errors: bool = False) -> None:  # noqa: ANN401, FBT001, FBT002
         """Why."""
         if self._watch is not None and not ignore_errors:
-            self._watch.failed(result.host.name, result.task.get_name(), result.result)
+            self._watch.fail_task(result.host.name, result.task.get_name(), result.result)
 
     def v2_runner_on_unreachable(self, result: Any) -> None:  # noqa: ANN401
         """Why."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Callable, Collection, Mapping, Sequence
 
 from .apt_messages import of_install, of_update, others
-from .apt_run import Apt, InstalledPackage, fits, half_done, installed, refuse_another_system, wait_for_others
+from .apt_run import Apt, InstalledPackage, fits, half_done, list_installed, refuse_another_system, wait_for_others
 from .apt_sources import AptKey, Sources, check_key
 from .errors import ModuleError
 
@@ -45,34 +45,34 @@ def costs_of(apt: Apt, arguments: Sequence[str], packages: dict[str, str]) -> Ap
     download = sum(int(match["bytes"]) for match in matchs if match["scheme"] not in ("file", "copy", "cdrom"))
     if not packages:
         return AptCosts(download, 0)
-    shown = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
-    kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", shown.output, re.MULTILINE))
+    show_output = apt.cache("show", "--no-all-versions", *(f"{name}={version}" for name, version in packages.items()))
+    kilobytes = sum(int(size) for size in re.findall(r"^Installed-Size: (\d+)", show_output.output, re.MULTILINE))
     return AptCosts(download, kilobytes * 1024)
 
 
 def bytes_of_lists(apt: Apt) -> int | None:
     """What an update may download at most, by what the sources said of themselves last; None: nobody knows yet."""
     folder = Path(apt.tree.at(apt.lists))
-    found = 0
+    total_bytes = 0
     for path in folder.iterdir() if folder.is_dir() else ():
         if path.name.endswith("InRelease"):
             text = path.read_text(errors="replace")
             for index in set(re.findall(rf"(\S+/binary-{apt.architecture}/Packages)(?:\.\w+)?$", text, re.MULTILINE)):
                 sizes = re.findall(rf"^ [0-9a-f]{{64}} +(\d+) {re.escape(index)}(?:\.\w+)?$", text, re.MULTILINE)
-                found += min((int(size) for size in sizes), default=0)
-    return found or None
+                total_bytes += min((int(size) for size in sizes), default=0)
+    return total_bytes or None
 
 
 def refuse_if_full(apt: Apt, costs: AptCosts) -> None:
     """Raise ModuleError where the disk cannot take it; places of one file system count together."""
-    needed: dict[int, tuple[str, int]] = {}
+    needs_by_device: dict[int, tuple[str, int]] = {}
     for place, size in (("/usr", costs.room + _SPARE_BYTES), (_ARCHIVES, costs.download)):
         real = Path(apt.tree.at(place))
         if real.is_dir():
             device = real.stat().st_dev
-            first, sum_before = needed.get(device, (place, 0))
-            needed[device] = (first, sum_before + size)
-    for place, size in needed.values():
+            first, sum_before = needs_by_device.get(device, (place, 0))
+            needs_by_device[device] = (first, sum_before + size)
+    for place, size in needs_by_device.values():
         result = os.statvfs(apt.tree.at(place))
         free = result.f_bavail * result.f_frsize
         if free < size:
@@ -137,11 +137,11 @@ class AptConvergence:
     """One run; `clock` gives the computer's time in seconds since 1970."""
 
     def __init__(
-        self, apt: Apt, sources: Sources, desired: DesiredPackages, clock: Callable[[], float] = time.time
+        self, apt: Apt, sources: Sources, desired_packages: DesiredPackages, clock: Callable[[], float] = time.time
     ) -> None:
         self.apt = apt
         self.sources = sources
-        self.desired = desired
+        self.desired_packages = desired_packages
         self.clock = clock
         self.outcome = AptOutcome()
         self._before: dict[str, InstalledPackage] | None = None
@@ -150,26 +150,26 @@ class AptConvergence:
     def run(self, *, check: bool) -> AptOutcome:
         """Look, and unless it is only a check, do what is missing. Raises ModuleError."""
         self._preflight()
-        before = installed(self.apt)
-        left = half_done(self.apt, before)
+        before = list_installed(self.apt)
+        half_installed = half_done(self.apt, before)
         missing = self._missing(before)
-        files = [*self.sources.changed, *self.sources.in_the_way]
-        self.outcome.changes += [f"package {package.name} was half installed, mended" for package in left]
+        files = [*self.sources.changed_paths, *self.sources.in_the_way]
+        self.outcome.changes += [f"package {package.name} was half installed, mended" for package in half_installed]
         self.outcome.changes += [f"file {path}" for path in files]
         if check:
-            self._forecast(missing, ready=not files and not left)
-        elif left or files or missing or self._stale:
-            self._converge(left, before)
+            self._forecast(missing, ready=not files and not half_installed)
+        elif half_installed or files or missing or self._stale:
+            self._converge(half_installed, before)
         self._tell(before, check=check)
         return self.outcome
 
-    def done(self) -> list[str]:
+    def list_changes(self) -> list[str]:
         """What a run that failed has changed nevertheless."""
         if self._before is None:
             return []
         packages = [
             f"package {name} {package.version} ({package.state})"
-            for name, package in installed(self.apt).items()
+            for name, package in list_installed(self.apt).items()
             if self._before.get(name) != package
         ]
         return [*(f"file {path}" for path in self.sources.was), *packages]
@@ -177,18 +177,20 @@ class AptConvergence:
     @property
     def _stale(self) -> bool:
         """Whether apt's lists are to be brought up to date although nothing is missing; not from a bundle."""
-        return self.apt.bundle is None and not self.sources.updated
+        return self.apt.bundle is None and not self.sources.is_updated
 
     def _preflight(self) -> None:
-        desired = self.desired
-        refuse_another_system(self.apt, desired.distribution, desired.codename, desired.architectures)
-        notes = [check_key(key, self.clock()) for key in self.desired.keys]
+        desired_packages = self.desired_packages
+        refuse_another_system(
+            self.apt, desired_packages.distribution, desired_packages.codename, desired_packages.architectures
+        )
+        notes = [check_key(key, self.clock()) for key in self.desired_packages.keys]
         self.outcome.notes += [note for note in notes if note is not None]
 
     def _missing(self, packages: dict[str, InstalledPackage]) -> dict[str, str | None]:
         """The declared packages that are not there in their version. A held one is none of ours to change."""
         missing = {}
-        for name, version in self.desired.packages.items():
+        for name, version in self.desired_packages.packages.items():
             is_now = packages.get(name)
             if is_now is not None and is_now.is_installed and fits(is_now.version, version):
                 continue
@@ -201,26 +203,26 @@ class AptConvergence:
         return missing
 
     def _forecast(self, missing: Mapping[str, str | None], *, ready: bool) -> None:
-        known: dict[str, str] = {}
-        if missing and ready and self.sources.updated:
-            known = to_install(self.apt.get("-s", "--yes", *self._install(missing)).output)
+        versions: dict[str, str] = {}
+        if missing and ready and self.sources.is_updated:
+            versions = to_install(self.apt.get("-s", "--yes", *self._install(missing)).output)
         for name, version in missing.items():
-            self.outcome.changes.append(f"package {name} {known.get(name) or version or ''}".rstrip())
+            self.outcome.changes.append(f"package {name} {versions.get(name) or version or ''}".rstrip())
 
-    def _converge(self, left: Sequence[InstalledPackage], before: dict[str, InstalledPackage]) -> None:
+    def _converge(self, half_installed: Sequence[InstalledPackage], before: dict[str, InstalledPackage]) -> None:
         wait_for_others(self.apt.tree, self.apt.wait_s)
         self._before = before
-        if left:
+        if half_installed:
             self.apt.run("dpkg", "--configure", "-a", "--force-confdef", "--force-confold")
         self.apt.ready()
         self.sources.write()
-        missing = self._missing(installed(self.apt) if left else before)
+        missing = self._missing(list_installed(self.apt) if half_installed else before)
         if missing and not self._lists_do(missing):
             self._afford_lists()
             self._update()
-        elif self._stale and self.desired.limit_bytes is None:
+        elif self._stale and self.desired_packages.limit_bytes is None:
             self._update()
-        if left or missing:
+        if half_installed or missing:
             self._mend(missing)
         if missing:
             self._refuse_unknown(missing)
@@ -228,13 +230,13 @@ class AptConvergence:
 
     def _lists_do(self, missing: Mapping[str, str | None]) -> bool:
         """Whether what is counted need not be spent on lists: those that are there have all that is missing."""
-        if self.desired.limit_bytes is None or not self.sources.updated:
+        if self.desired_packages.limit_bytes is None or not self.sources.is_updated:
             return False
-        known = self._known(missing)
-        return all(any(fits(item, version) for item in known.get(name, ())) for name, version in missing.items())
+        versions = self._available_versions(missing)
+        return all(any(fits(item, version) for item in versions.get(name, ())) for name, version in missing.items())
 
     def _afford_lists(self) -> None:
-        limit = self.desired.limit_bytes
+        limit = self.desired_packages.limit_bytes
         size = bytes_of_lists(self.apt) if self.apt.bundle is None else 0
         if limit is not None and (size is None or size > limit):
             self.sources.take_back()
@@ -242,9 +244,10 @@ class AptConvergence:
             raise self._too_dear(f"the lists of packages have to be fetched first: {text}")
 
     def _too_dear(self, what: str) -> ModuleError:
-        why = f" ({self.desired.limit_words})" if self.desired.limit_words else ""
+        why = f" ({self.desired_packages.limit_words})" if self.desired_packages.limit_words else ""
         return ModuleError(
-            f"{what}; {in_words(self.desired.limit_bytes or 0)} are agreed{why}. Nothing was downloaded for it",
+            f"{what}; {in_words(self.desired_packages.limit_bytes or 0)} are agreed{why}. "
+            "Nothing was downloaded for it",
             "type the same with --accept-cost (ansible-playbook: -e atlantis_accept_cost=true); or bring the packages:"
             " `provision bundle site=…`, then `--offline`",
         )
@@ -252,16 +255,16 @@ class AptConvergence:
     def _update(self) -> None:
         """Bring apt's lists up to date; where our sources do not work, they are taken back."""
         self.apt.drop_lists(only_empty=True)
-        done = self.apt.update()
-        if any(words in done.output for words in _DAMAGED_LISTS):
+        result = self.apt.update()
+        if any(words in result.output for words in _DAMAGED_LISTS):
             self.apt.drop_lists(only_empty=False)
-            done = self.apt.update()
+            result = self.apt.update()
         urls = [f"file:{self.apt.bundle}"] if self.apt.bundle is not None else self.sources.urls
-        why = of_update(done.output, done.code, urls, self.apt.architecture)
+        why = of_update(result.output, result.code, urls, self.apt.architecture)
         if why is not None:
             self.sources.take_back()
             raise why
-        self.outcome.notes += others(done.output, urls)
+        self.outcome.notes += others(result.output, urls)
         if self.apt.bundle is None:
             self.sources.note()
 
@@ -270,50 +273,51 @@ class AptConvergence:
 
         One of `missing` that cannot be set up may yet be replaced by the version that is declared.
         """
-        for package in half_done(self.apt, installed(self.apt)):
-            if not package.damaged:
+        for package in half_done(self.apt, list_installed(self.apt)):
+            if not package.is_damaged:
                 continue
             again = [*_INSTALL, "--reinstall", "install", package.name]
             if self.apt.get("-s", "--yes", *again).code == 0:
                 self._act(again, [package.name])
             else:
                 self.apt.run("dpkg", "--remove", "--force-remove-reinstreq", package.name)
-        left = half_done(self.apt, installed(self.apt))
-        if left or self.apt.get("check").code:
+        half_installed = half_done(self.apt, list_installed(self.apt))
+        if half_installed or self.apt.get("check").code:
             try:
                 self._act([*_INSTALL, "-f", "install"], [])
             except ModuleError:
-                if not left or any(package.name not in missing for package in left):
+                if not half_installed or any(package.name not in missing for package in half_installed):
                     raise
 
     def _refuse_unknown(self, missing: Mapping[str, str | None]) -> None:
         """Say which packages or versions no source has, and which versions there are."""
-        known = self._known(missing)
-        without = [name for name in missing if name not in known]
+        versions = self._available_versions(missing)
+        without = [name for name in missing if name not in versions]
         if without:
             raise ModuleError(
                 f"no configured apt source has {', '.join(without)}",
                 "look at the names, and at the sources: `grep -r ^ /etc/apt/sources.list /etc/apt/sources.list.d`",
             )
         for name, version in missing.items():
-            if not any(fits(item, version) for item in known[name]):
+            if not any(fits(item, version) for item in versions[name]):
                 raise ModuleError(
-                    f"{name}: version {version} is not available; available: {', '.join(dict.fromkeys(known[name]))}",
+                    f"{name}: version {version} is not available; available: "
+                    f"{', '.join(dict.fromkeys(versions[name]))}",
                     "declare one of these, or take the version out of the declaration; a bundle keeps old ones",
                 )
 
-    def _known(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
+    def _available_versions(self, missing: Mapping[str, str | None]) -> dict[str, list[str]]:
         """The versions that the lists have."""
-        known: dict[str, list[str]] = {}
+        versions: dict[str, list[str]] = {}
         for line in self.apt.cache("madison", *missing).output.splitlines() if missing else ():
             words = [word.strip() for word in line.split("|")]
             if len(words) > 1:
-                known.setdefault(words[0], []).append(words[1])
-        return known
+                versions.setdefault(words[0], []).append(words[1])
+        return versions
 
     def _install(self, missing: Mapping[str, str | None]) -> list[str]:
         exact = [f"{name}={version}" if version else name for name, version in missing.items()]
-        down = ["--allow-downgrades"] if any(missing.values()) or self.desired.keys else []
+        down = ["--allow-downgrades"] if any(missing.values()) or self.desired_packages.keys else []
         return [*_INSTALL, *down, "install", *exact]
 
     def _act(self, arguments: Sequence[str], names: Sequence[str]) -> None:
@@ -322,16 +326,16 @@ class AptConvergence:
         if forecast.code:
             raise of_install(forecast.output, names)
         self._afford(arguments, to_install(forecast.output))
-        done = self.apt.get("--yes", *arguments)
-        if done.code and _DAMAGED_ARCHIVE in done.output:
+        result = self.apt.get("--yes", *arguments)
+        if result.code and _DAMAGED_ARCHIVE in result.output:
             self.apt.get("clean")
-            done = self.apt.get("--yes", *arguments)
-        if done.code:
-            raise of_install(done.output, names)
+            result = self.apt.get("--yes", *arguments)
+        if result.code:
+            raise of_install(result.output, names)
 
     def _afford(self, arguments: Sequence[str], packages: dict[str, str]) -> None:
         costs = costs_of(self.apt, arguments, packages)
-        limit = self.desired.limit_bytes
+        limit = self.desired_packages.limit_bytes
         if limit is not None and costs.download > limit:
             raise self._too_dear(f"{len(packages)} packages of {in_words(costs.download)} would be downloaded")
         refuse_if_full(self.apt, costs)
@@ -339,7 +343,7 @@ class AptConvergence:
 
     def _tell(self, before: dict[str, InstalledPackage], *, check: bool) -> None:
         """Read back what is there now, and refuse to call done what is not."""
-        after = before if check else installed(self.apt)
+        after = before if check else list_installed(self.apt)
         if not check:
             still = [*self._missing(after), *(package.name for package in half_done(self.apt, after))]
             if still:
@@ -350,9 +354,9 @@ class AptConvergence:
         for name, package in after.items():
             if package.is_installed and (name not in before or before[name] != package):
                 change = f"package {name} {package.version}"
-                if name not in self.desired.packages:
+                if name not in self.desired_packages.packages:
                     self.outcome.also[name] = package.version
                 elif change not in self.outcome.changes:
                     self.outcome.changes.append(change)
-        names = [name for name in self.desired.packages if name in after and after[name].is_installed]
+        names = [name for name in self.desired_packages.packages if name in after and after[name].is_installed]
         self.outcome.versions = {name: after[name].version for name in names}

@@ -186,14 +186,16 @@ def of_install(text: str, names: Iterable[str]) -> ModuleError:
             f"{script['name']} could not be set up: {script['why'].strip()}\n{_around(text, script.start())}",
             "what it says above is the reason; after it is mended type the same again: it goes on from there",
         )
-    found = _first(_PACKAGES, lines, names=" ".join(names)) or _first(_SOURCES, problems(text))
-    return found or _raw("the packages could not be installed", text)
+    error = _first(_PACKAGES, lines, names=" ".join(names)) or _first(_SOURCES, problems(text))
+    return error or _raw("the packages could not be installed", text)
 
 
 def others(text: str, urls: Sequence[str]) -> list[str]:
     """The sources beside `urls` that could not be updated, which hinders nothing by itself."""
-    failed = [line for line in problems(text) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)]
-    hosts = dict.fromkeys(match for line in failed for match in re.findall(r"https?://([^/\s]+)", line))
+    failed_lines = [
+        line for line in problems(text) if line[0] in "EW" and not any(url.rstrip("/") in line for url in urls)
+    ]
+    hosts = dict.fromkeys(match for line in failed_lines for match in re.findall(r"https?://([^/\s]+)", line))
     return [f"the lists of {', '.join(hosts)} could not be updated, those from before are used"] if hosts else []
 
 

@@ -64,10 +64,10 @@ def refuse_another_system(
     pairs = (line.partition("=") for line in text.splitlines())
     values = {name: value.strip().strip("'\"") for name, _, value in pairs}
     is_now = (values.get("ID", "?"), values.get("VERSION_CODENAME", "?"))
-    desired = (distribution or is_now[0], codename or is_now[1])
-    if is_now != desired:
+    desired_system = (distribution or is_now[0], codename or is_now[1])
+    if is_now != desired_system:
         raise ModuleError(
-            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired)}",
+            f"the computer runs {' '.join(is_now)}; what is declared is made for {' '.join(desired_system)}",
             "make a card with the right system (`provision image --help`), or declare the release that fits this one",
         )
     if architectures and apt.architecture not in architectures:
@@ -176,7 +176,7 @@ class Apt:
 
 
 _FIELDS = "${Package}\\t${Architecture}\\t${db:Status-Want}\\t${db:Status-Eflag}\\t${db:Status-Status}\\t${Version}\\n"
-_UNFINISHED = ("half-installed", "unpacked", "half-configured", "triggers-awaited", "triggers-pending")
+_PARTIAL_STATES = ("half-installed", "unpacked", "half-configured", "triggers-awaited", "triggers-pending")
 _LOCKS = (
     "/var/lib/dpkg/lock-frontend",
     "/var/lib/dpkg/lock",
@@ -196,7 +196,7 @@ class InstalledPackage:
     version: str
     selection: str
     """install, hold, deinstall, purge or unknown."""
-    damaged: bool
+    is_damaged: bool
     """dpkg asks to install it again (`reinst-required`)."""
     state: str
     """dpkg(1), package states: installed, half-configured and so on."""
@@ -204,7 +204,7 @@ class InstalledPackage:
     @property
     def is_installed(self) -> bool:
         """Whether it is there and was configured."""
-        return self.state == "installed" and not self.damaged
+        return self.state == "installed" and not self.is_damaged
 
     @property
     def is_held(self) -> bool:
@@ -212,7 +212,7 @@ class InstalledPackage:
         return self.selection == "hold"
 
 
-def installed(apt: Apt) -> dict[str, InstalledPackage]:
+def list_installed(apt: Apt) -> dict[str, InstalledPackage]:
     """Every package that dpkg knows, by name; of several architectures the computer's own."""
     local = apt.architecture
     output = apt.run("dpkg-query", "--show", f"--showformat={_FIELDS}")
@@ -225,32 +225,38 @@ def installed(apt: Apt) -> dict[str, InstalledPackage]:
     for line in output.output.splitlines():
         if line.count("\t") != _FIELDS.count("\\t"):
             continue  # a warning about an entry, between the entries
-        name, architecture, desired, flag, state, version = line.split("\t")
+        name, architecture, selection, flag, state, version = line.split("\t")
         if architecture in (local, "all") or name not in result:
-            result[name] = InstalledPackage(name, version, desired, flag == "reinstreq", state)
+            result[name] = InstalledPackage(name, version, selection, flag == "reinstreq", state)
     return result
 
 
 def half_done(apt: Apt, packages: dict[str, InstalledPackage]) -> list[InstalledPackage]:
     """What an interrupted dpkg left behind; a journal that was not merged counts for the package `dpkg`."""
-    left = [package for package in packages.values() if package.state in _UNFINISHED or package.damaged]
+    half_installed = [
+        package for package in packages.values() if package.state in _PARTIAL_STATES or package.is_damaged
+    ]
     try:
         journal = any(path.name.isdigit() for path in Path(apt.tree.at("/var/lib/dpkg/updates")).iterdir())
     except OSError:
         journal = False
-    return left or ([packages["dpkg"]] if journal and "dpkg" in packages else [])
+    return half_installed or ([packages["dpkg"]] if journal and "dpkg" in packages else [])
 
 
-def fits(version: str, desired: str | None) -> bool:
+def fits(version: str, desired_version: str | None) -> bool:
     """Whether an installed version is the wanted one; None: any is; a `*` at its end stands for the rest."""
-    return desired is None or version == desired or (desired.endswith("*") and fnmatchcase(version, desired))
+    return (
+        desired_version is None
+        or version == desired_version
+        or (desired_version.endswith("*") and fnmatchcase(version, desired_version))
+    )
 
 
 def wait_for_others(tree: FileSystem, wait_s: float, sleep: Callable[[float], None] = time.sleep) -> None:
     """Wait until no other apt or dpkg is at work. Raises ModuleError with who it is."""
     until = time.monotonic() + wait_s
     while True:
-        holder = next((found for found in (_holder(tree, lock) for lock in _LOCKS) if found), None)
+        holder = next((process for process in (_holder(tree, lock) for lock in _LOCKS) if process), None)
         if holder is None:
             return
         if time.monotonic() >= until:

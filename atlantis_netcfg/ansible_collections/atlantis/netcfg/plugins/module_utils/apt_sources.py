@@ -40,24 +40,24 @@ def key_of(parameter: Mapping[str, str]) -> AptKey:
 def check_key(key: AptKey, now: float) -> str | None:
     """Refuse a key that is another one or that is not good at `now` (the computer's clock); gives a note, if any."""
     try:
-        found = public_keys(key.content)
+        keys = public_keys(key.content)
     except NotAKey as why:
         raise ModuleError(
             f"the file for {key.path} is no public key: {why}", "fetch it anew; compare its size"
         ) from None
-    if [public_key.fingerprint for public_key in found] != [key.fingerprint]:
+    if [public_key.fingerprint for public_key in keys] != [key.fingerprint]:
         raise ModuleError(
-            f"the key for {key.path} is {', '.join(item.fingerprint for item in found)}, declared is {key.fingerprint}",
+            f"the key for {key.path} is {', '.join(item.fingerprint for item in keys)}, declared is {key.fingerprint}",
             "ask who keeps the archive which is the right one; do not take one that nobody vouches for",
         )
-    return _in_time(found[0], now)
+    return _in_time(keys[0], now)
 
 
 def _in_time(key: PublicKey, now: float) -> str | None:
     today = _day(now)
-    if now < key.renewed:
+    if now < key.renewed_at:
         raise ModuleError(
-            f"the clock of the computer says {today}; the key {key.fingerprint} was made on {_day(key.renewed)}",
+            f"the clock of the computer says {today}; the key {key.fingerprint} was made on {_day(key.renewed_at)}",
             "set the clock: `date --set '2026-01-31 12:00'` until a time server is reached",
         )
     if key.expires is None or now < key.expires - _WARN_DAYS * _DAY_S:
@@ -85,7 +85,7 @@ class Sources:
         self.was: dict[str, bytes | None] = {}
 
     @property
-    def changed(self) -> list[str]:
+    def changed_paths(self) -> list[str]:
         """The files that are not as they shall be."""
         return [path for path, content in self.files.items() if self.tree.read(path) != content]
 
@@ -95,7 +95,7 @@ class Sources:
         return [path for path in self.absent if self.tree.read(path) is not None]
 
     @property
-    def updated(self) -> bool:
+    def is_updated(self) -> bool:
         """Whether apt's lists were updated with just these files."""
         return self.stamps.holds(_STAMP, self._digests())
 
@@ -103,8 +103,8 @@ class Sources:
     def urls(self) -> list[str]:
         """The addresses in the files."""
         texts = [content.decode(errors="replace") for path, content in self.files.items() if not path.endswith(".gpg")]
-        found = [re.findall(r"^URIs:(.*)$|^deb(?: \[.*?\])? (\S+)", text, re.MULTILINE) for text in texts]
-        return [url for match in found for pair in match for words in pair for url in words.split()]
+        matches = [re.findall(r"^URIs:(.*)$|^deb(?: \[.*?\])? (\S+)", text, re.MULTILINE) for text in texts]
+        return [url for match in matches for pair in match for words in pair for url in words.split()]
 
     def before_and_after(self, path: str) -> tuple[str, str]:
         """What is in a file and what shall be, for the diff; keys are not text."""
@@ -112,7 +112,7 @@ class Sources:
 
     def write(self) -> None:
         """Write what is not as it shall be, and remember what was there."""
-        for path in [*self.changed, *self.in_the_way]:
+        for path in [*self.changed_paths, *self.in_the_way]:
             self.was[path] = self.tree.read(path)
         for path in self.was:
             if path in self.files:
@@ -131,7 +131,7 @@ class Sources:
 
     def note(self) -> None:
         """Note that the lists were updated with these files."""
-        if self.files and not self.updated:
+        if self.files and not self.is_updated:
             self.stamps.note(_STAMP, self._digests())
 
     def _digests(self) -> dict[str, str]:

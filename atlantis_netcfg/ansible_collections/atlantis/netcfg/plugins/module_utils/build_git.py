@@ -108,7 +108,7 @@ def _instead(address: str, *of: str) -> str:
     return f'[url "{address}"]\n' + "".join(f"\tinsteadOf = {item}\n" for item in of)
 
 
-class _Failed(Exception):
+class _GitError(Exception):
     """What git said when it failed."""
 
     def __init__(self, text: str) -> None:
@@ -134,15 +134,15 @@ class Git:
         """Fetch the sources of the revision, give its commit; `seed` is a folder to start from. Raises ModuleError."""
         try:
             return self._fetch(seed)
-        except _Failed as failed:
-            if trouble(failed.output) is not BuildTrouble.DAMAGED:
-                raise self._refused(failed) from None
+        except _GitError as failed:
+            if trouble(failed.output) is not BuildTrouble.CORRUPTION:
+                raise self._build_refusal(failed) from None
         self.say("what was fetched before is damaged: fetching everything anew")
         shutil.rmtree(self.folder)
         try:
             return self._fetch(None)
-        except _Failed as failed:
-            raise self._refused(failed) from None
+        except _GitError as failed:
+            raise self._build_refusal(failed) from None
 
     def _fetch(self, seed: str | None) -> str:
         if not os.path.isdir(os.path.join(self.folder, ".git")):
@@ -168,29 +168,29 @@ class Git:
                 return revision
             try:
                 self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", revision)
-            except _Failed as failed:
+            except _GitError as failed:
                 if trouble(failed.output) is not BuildTrouble.REVISION and "shallow" not in failed.output:
                     raise
                 self._online("fetch", "--tags", "--quiet", "origin", "+refs/heads/*:refs/remotes/origin/*")
                 if not self._has(revision):
                     raise
             return revision
-        desired = f"+refs/tags/{revision}:refs/tags/{revision}"
+        tag_refspec = f"+refs/tags/{revision}:refs/tags/{revision}"
         try:
-            self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", desired)
-        except _Failed as failed:
+            self._online("fetch", "--depth", "1", "--no-tags", "--quiet", "origin", tag_refspec)
+        except _GitError as failed:
             if trouble(failed.output) is BuildTrouble.REVISION:
                 self._no_branch()
             if "shallow" not in failed.output:
                 raise
-            self._online("fetch", "--no-tags", "--quiet", "origin", desired)
+            self._online("fetch", "--no-tags", "--quiet", "origin", tag_refspec)
         return self._git("rev-parse", f"refs/tags/{revision}^{{commit}}").strip()
 
     def _has(self, commit: str) -> bool:
         """Whether a commit is here with all of its files, also after an attempt that was cut off."""
         try:
             self._git("rev-list", "--objects", "--max-count=1", commit)
-        except _Failed:
+        except _GitError:
             return False
         return True
 
@@ -209,13 +209,13 @@ class Git:
             update = ("submodule", "--quiet", "update", "--init", "--recursive", "--force")
             try:
                 self._online(*update, "--depth", "1")
-            except _Failed as failed:
+            except _GitError as failed:
                 if trouble(failed.output) not in (BuildTrouble.REVISION, BuildTrouble.OTHER):
                     raise self._of_submodule(failed) from None
                 self.say("a submodule was not given without its history: fetching it with it")
                 try:
                     self._online(*update)
-                except _Failed as again:
+                except _GitError as again:
                     raise self._of_submodule(again) from None
         lines = self._git("submodule", "status", "--recursive").splitlines()
         absent = [line[1:].split()[1] for line in lines if line[0] in "-U"]
@@ -225,18 +225,18 @@ class Git:
                 "the partner has to complete .gitmodules in the repository",
             )
 
-    def _of_submodule(self, failed: _Failed) -> Exception:
+    def _of_submodule(self, error: _GitError) -> Exception:
         """A failure of a submodule names it, because the repository itself is in order."""
-        if trouble(failed.output) in (
-            BuildTrouble.DAMAGED,
+        if trouble(error.output) in (
+            BuildTrouble.CORRUPTION,
             BuildTrouble.SPACE,
             BuildTrouble.SUBMODULE,
             BuildTrouble.ACCOUNT,
         ):
-            return failed
-        refused = self._refused(failed)
+            return error
+        refusal = self._build_refusal(error)
         return ModuleError(
-            f"a submodule of {self.repository.url} could not be fetched: {refused.message}", refused.hint
+            f"a submodule of {self.repository.url} could not be fetched: {refusal.message}", refusal.hint
         )
 
     def _online(self, *words: str) -> str:
@@ -244,7 +244,7 @@ class Git:
         for pause in _PAUSES_S:
             try:
                 return self._git(*words)
-            except _Failed as failed:  # noqa: PERF203 - attempts are few
+            except _GitError as failed:  # noqa: PERF203 - attempts are few
                 if trouble(failed.output) is not BuildTrouble.LINK:
                     raise
                 self.say(f"the link broke; next attempt in {pause:.0f} s")
@@ -264,7 +264,7 @@ class Git:
         text = process.stdout.decode(errors="replace")
         if process.returncode != 0:
             self.say(text.rstrip())
-            raise _Failed(text)
+            raise _GitError(text)
         return text
 
     def _environment(self) -> dict[str, str]:
@@ -283,14 +283,14 @@ class Git:
                 if file.endswith(".lock"):
                     os.unlink(os.path.join(folder, file))
 
-    def _refused(self, failed: _Failed) -> ModuleError:
+    def _build_refusal(self, error: _GitError) -> ModuleError:
         repository = self.repository
-        if self.offline is not None and trouble(failed.output) in (BuildTrouble.GONE, BuildTrouble.REVISION):
+        if self.offline is not None and trouble(error.output) in (BuildTrouble.NOT_FOUND, BuildTrouble.REVISION):
             return ModuleError(
                 f"{self.offline} does not hold {repository.url}, revision {repository.revision}:\n"
-                f"{last_words(failed.output)}",
+                f"{last_words(error.output)}",
                 "make the bundle anew where there is internet, after the last change of the declaration",
             )
         return about_git(
-            failed.output, repository.url, repository.revision, tokened=askpass(self.home, self.name) is not None
+            error.output, repository.url, repository.revision, has_token=askpass(self.home, self.name) is not None
         )

@@ -36,10 +36,10 @@ _TAIL = 200_000
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
-def jobs_within(meminfo: str, cores: int, desired: int | None = None) -> int:
+def jobs_within(meminfo: str, cores: int, max_jobs: int | None = None) -> int:
     """How many compilers run at once: one a core, and no more than fit into the free memory (`/proc/meminfo`)."""
     free = next((int(line.split()[1]) for line in meminfo.splitlines() if line.startswith("MemAvailable:")), 0)
-    return max(1, min(cores, desired or cores, free // _MEMORY_OF_A_JOB_KIB))
+    return max(1, min(cores, max_jobs or cores, free // _MEMORY_OF_A_JOB_KIB))
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Make:
     def examples(self) -> None:
         """`cmake ..` and `make`, with the library sourced. Raises ModuleError."""
         os.mkdir(os.path.join(self.folder, "examples", "build"))
-        self._run("the examples", "examples/build", "cmake .. && make", sourced=True)
+        self._run("the examples", "examples/build", "cmake .. && make", with_library=True)
 
     def tidy(self) -> None:
         """Remove what is needed no longer: a card is small, and two builds stand on it."""
@@ -82,7 +82,7 @@ class Make:
         """See that everything that was built finds its libraries. Raises ModuleError."""
         programs = sorted(self._binaries())
         # ldd ends with 1 for what is linked statically, which lacks nothing.
-        text = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, sourced=True)
+        text = self._shell('for one in "$@"; do echo "$one:"; ldd "$one"; done; true', ".", programs, with_library=True)
         program = ""
         for line in text.splitlines():
             if line.endswith(":") and not line.startswith("\t"):
@@ -95,13 +95,13 @@ class Make:
         shutil.rmtree(os.path.join(self.folder, "tmp"), ignore_errors=True)
         self.say(f"{len(programs)} programs and libraries find what they need")
 
-    def _run(self, what: str, where: str, command: str, *, sourced: bool = False) -> None:
+    def _run(self, what: str, where: str, command: str, *, with_library: bool = False) -> None:
         """Run a command, its words straight into the log."""
         self.say(f"building {what} with {self.jobs} jobs: {command}")
-        started = os.path.getsize(self.log)
+        start_offset = os.path.getsize(self.log)
         with open(self.log, "ab") as log:
             process = subprocess.run(  # noqa: S603
-                ["/bin/sh", "-c", f"{self._sources(sourced=sourced)}{command}"],
+                ["/bin/sh", "-c", f"{self._sources(with_library=with_library)}{command}"],
                 cwd=os.path.join(self.folder, where),
                 env=self._environment(),
                 stdin=subprocess.DEVNULL,
@@ -111,13 +111,13 @@ class Make:
             )
         if process.returncode != 0:
             with open(self.log, "rb") as log:
-                log.seek(max(started, os.path.getsize(self.log) - _TAIL))
+                log.seek(max(start_offset, os.path.getsize(self.log) - _TAIL))
                 text = log.read().decode(errors="replace")
             raise about_building(what, text)
 
-    def _shell(self, command: str, where: str, arguments: list[str], *, sourced: bool) -> str:
+    def _shell(self, command: str, where: str, arguments: list[str], *, with_library: bool) -> str:
         process = subprocess.run(  # noqa: S603
-            ["/bin/sh", "-c", f"{self._sources(sourced=sourced)}{command}", "sh", *arguments],
+            ["/bin/sh", "-c", f"{self._sources(with_library=with_library)}{command}", "sh", *arguments],
             cwd=os.path.join(self.folder, where),
             env=self._environment(),
             stdin=subprocess.DEVNULL,
@@ -130,9 +130,9 @@ class Make:
             raise about_building("the library", text)
         return text
 
-    def _sources(self, *, sourced: bool) -> str:
+    def _sources(self, *, with_library: bool) -> str:
         install = os.path.join(self.folder, "library", "install", "setup.sh")
-        return "".join(f". '{path}' && " for path in (self.ros_setup, *([install] if sourced else [])))
+        return "".join(f". '{path}' && " for path in (self.ros_setup, *([install] if with_library else [])))
 
     def _environment(self) -> dict[str, str]:
         scratch = os.path.join(self.folder, "tmp")
@@ -211,14 +211,14 @@ def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep:
     make = Make(folder, plan.ros_setup, jobs, job["log"], _say)
     make.clean()
     configure(home, job["offline"], [repository.url for repository in plan.repositories.values()])
-    commits, current = {}, shelf.linked("current")
+    commits, current = {}, shelf.link_target("current")
     for name, item in plan.repositories.items():
         _say(f"fetching the {name}, revision {item.revision}, from {item.url}" + _place(job["offline"]))
         seed = os.path.join(shelf.at(current), name) if current is not None else None
         commits[name] = Git(item, name, os.path.join(folder, name), home, job["offline"], _say, sleep).fetch(seed)
         _say(f"the {name} is at commit {commits[name]}")
     _forget(home, plan)
-    notes = _moved(plan, shelf, commits)
+    notes = _find_moved_tags(plan, shelf, commits)
     make.library()
     if plan.examples is not None:
         make.examples()
@@ -228,7 +228,7 @@ def _build(job: dict[str, Any], plan: BuildPlan, shelf: Shelf, home: str, sleep:
     return notes
 
 
-def _moved(plan: BuildPlan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
+def _find_moved_tags(plan: BuildPlan, shelf: Shelf, commits: dict[str, str]) -> list[str]:
     """Tell of tags that lead elsewhere than when they were last built."""
     tags = shelf.tags()
     notes = []

@@ -28,12 +28,12 @@ class BuildTrouble(Enum):
 
     CERTIFICATE = "certificate"
     TOKEN = "token"  # noqa: S105 - the name of a trouble
-    GONE = "gone"
+    NOT_FOUND = "gone"
     REVISION = "revision"
     SUBMODULE = "submodule"
     ACCOUNT = "account"
     SPACE = "space"
-    DAMAGED = "damaged"
+    CORRUPTION = "damaged"
     LINK = "link"
     OTHER = "other"
 
@@ -51,7 +51,7 @@ _SIGNS = (
     (BuildTrouble.ACCOUNT, r"transport '\w+' not allowed"),
     (BuildTrouble.SUBMODULE, r"No url found for submodule path|no submodule mapping found"),
     (
-        BuildTrouble.GONE,
+        BuildTrouble.NOT_FOUND,
         r"repository '.*' not found|returned error: 404|does not appear to be a git repository|does not exist",
     ),
     (BuildTrouble.REVISION, r"couldn't find remote ref|not our ref|unadvertised object|no such remote ref"),
@@ -64,7 +64,7 @@ _SIGNS = (
         ),
     ),
     (
-        BuildTrouble.DAMAGED,
+        BuildTrouble.CORRUPTION,
         (
             r"\bcorrupt|bad object|loose object|unable to read (tree|sha1)|missing blob|did not send all|inflate: "
             r"|bad (index|signature)|index file|invalid sha1 pointer|not a valid object|\.lock': File exists"
@@ -79,8 +79,8 @@ def trouble(text: str) -> BuildTrouble:
     return next((kind for kind, sign in _SIGNS if re.search(sign, text, re.IGNORECASE)), BuildTrouble.OTHER)
 
 
-def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleError:  # noqa: PLR0911 - one for each trouble
-    """A failure of git in words; `tokened`: a token is declared for this repository."""
+def about_git(text: str, url: str, revision: str, *, has_token: bool) -> ModuleError:  # noqa: PLR0911 - one for each trouble
+    """A failure of git in words; `has_token`: a token is declared for this repository."""
     kind = trouble(text)
     host = url.split("/")[2] if "://" in url else url
     at = f"{url}, revision {revision}"
@@ -92,7 +92,7 @@ def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleErr
             " of its own, put that authority's file to /usr/local/share/ca-certificates/NAME.crt on the gateway and run"
             " `update-ca-certificates` there",
         )
-    if kind is BuildTrouble.TOKEN and not tokened:
+    if kind is BuildTrouble.TOKEN and not has_token:
         return ModuleError(
             f"{host} asks who reads {url}, and no token is declared for it",
             "ask the partner for a token that may read the repository, and declare it as `token:` (ansible-vault)",
@@ -103,9 +103,11 @@ def about_git(text: str, url: str, revision: str, *, tokened: bool) -> ModuleErr
             "it may have expired, or lack the right `read_repository`: ask the partner for a new one; a deploy token of"
             " GitLab goes with a name, and is declared as NAME:TOKEN",
         )
-    if kind is BuildTrouble.GONE:
-        seen = "the token may not see it" if tokened else "it is only seen with a token, and none is declared"
-        return ModuleError(f"there is no repository at {url}, or {seen}", "open the address in a browser, and compare")
+    if kind is BuildTrouble.NOT_FOUND:
+        visibility = "the token may not see it" if has_token else "it is only seen with a token, and none is declared"
+        return ModuleError(
+            f"there is no repository at {url}, or {visibility}", "open the address in a browser, and compare"
+        )
     if kind is BuildTrouble.REVISION:
         return ModuleError(
             f"there is no revision {revision} in {url}",

@@ -115,9 +115,11 @@ class Shelf:
                 result = json.loads(file.read())
         except (OSError, ValueError):
             return None
-        found = isinstance(result, dict) and result.get("key") == key
+        is_marker = isinstance(result, dict) and result.get("key") == key
         return (
-            result if found and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh")) else None
+            result
+            if is_marker and os.path.isfile(os.path.join(self.at(key), "library", "install", "setup.sh"))
+            else None
         )
 
     def complete(self, key: str, marker: Mapping[str, Any]) -> None:
@@ -125,7 +127,7 @@ class Shelf:
         os.sync()
         _TREE.write(os.path.join(self.at(key), MARKER), _json({**marker, "key": key}))
 
-    def linked(self, name: str) -> str | None:
+    def link_target(self, name: str) -> str | None:
         """The key of the build that a link leads to."""
         try:
             return os.path.basename(os.readlink(os.path.join(self.prefix, name)))
@@ -137,7 +139,7 @@ class Shelf:
 
         `previous` is written first: a cut between the two leaves a link too many, and `current` untouched.
         """
-        current = self.linked("current")
+        current = self.link_target("current")
         if current == key:
             return
         if current is not None and self.marker(current) is not None:
@@ -146,12 +148,12 @@ class Shelf:
 
     def prune(self, busy: Collection[str] = ()) -> list[str]:
         """Remove what is neither in use, nor the previous build, nor being built; gives the keys."""
-        kept = {self.linked("current"), self.linked("previous"), *busy}
+        needed_keys = {self.link_target("current"), self.link_target("previous"), *busy}
         try:
-            found = sorted(os.listdir(os.path.join(self.prefix, "builds")))
+            keys = sorted(os.listdir(os.path.join(self.prefix, "builds")))
         except FileNotFoundError:
             return []
-        stale = [key for key in found if key not in kept]
+        stale = [key for key in keys if key not in needed_keys]
         for key in stale:
             self.discard(key)
         return stale

@@ -23,7 +23,7 @@ from . import build_git, build_make, build_messages, build_plan, errors, filesys
 from .build_git import keep
 from .build_plan import BuildPlan, Repository, Shelf
 from .errors import ModuleError, in_words
-from .programs import Done, is_there, run, succeed
+from .programs import ProgramResult, is_there, require_success, run
 
 _MODULES = (build_git, build_make, build_plan, build_messages, errors, filesystem)
 """What the program of the build consists of; that they are imported here brings them to the gateway."""
@@ -63,7 +63,7 @@ class BuildFolders:
         return os.path.join(self.logs, f"build-{key}.log")
 
 
-def compiler(run: Callable[[list[str]], Done] = run) -> str | None:
+def compiler(run: Callable[[list[str]], ProgramResult] = run) -> str | None:
     """The version and target of the compiler; None where there is none."""
     version, target = run(["c++", "-dumpversion"]), run(["c++", "-dumpmachine"])
     return None if version.code != 0 else f"{version.output.strip()} {target.output.strip()}"
@@ -91,23 +91,23 @@ class Build:
     offline: str | None
     check: bool
     places: BuildFolders = field(default_factory=BuildFolders)
-    run: Callable[[list[str]], Done] = run
+    run: Callable[[list[str]], ProgramResult] = run
     changes: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def visit(self, started: str | None) -> dict[str, Any]:
-        """Bring the build forward; `started` is the run whose end is to be told. Raises ModuleError."""
+    def visit(self, run_id: str | None) -> dict[str, Any]:
+        """Bring the build forward; `run_id` is the run whose end is to be told. Raises ModuleError."""
         try:
-            return self._visit(started)
+            return self._visit(run_id)
         except OSError as error:
             raise in_words(error, str(error.filename or self.places.prefix)) from error
 
-    def _visit(self, started: str | None) -> dict[str, Any]:
-        found = compiler(self.run)
-        if found is None and self.check:
+    def _visit(self, run_id: str | None) -> dict[str, Any]:
+        compiler_version = compiler(self.run)
+        if compiler_version is None and self.check:
             self.changes.append("build of the library, once its packages are installed")
             return {"state": "wanted"}
-        plan = BuildPlan(self.library, self.examples, self.ros_setup, found or "")
+        plan = BuildPlan(self.library, self.examples, self.ros_setup, compiler_version or "")
         shelf = Shelf(self.places.prefix)
         values = {"key": plan.key, "unit": _unit(plan.key), "log": self.places.log(plan.key)}
         marker = shelf.marker(plan.key)
@@ -115,22 +115,22 @@ class Build:
             self._take(plan, shelf, marker)
             return {**values, "state": "ready", "commits": marker["commits"]}
         if self._runs(plan.key):
-            if started is not None:
+            if run_id is not None:
                 raise ModuleError(
                     f"the build of {plan.words} is still at work on the gateway",
                     f"type the same again later: it goes on by itself; {values['log']} shows how far it is",
                 )
             return {**values, "state": "running", "run": self._running(plan.key)}
-        if started is not None:
-            raise self._ended(plan, started)
+        if run_id is not None:
+            raise self._build_failure(plan, run_id)
         self.changes.append(f"build of {plan.words} started")
         if self.check:
             return {**values, "state": "wanted"}
-        self._prerequisites(found)
+        self._prerequisites(compiler_version)
         return {**values, "state": "running", "run": self._start(plan, shelf)}
 
     def _take(self, plan: BuildPlan, shelf: Shelf, marker: Mapping[str, Any]) -> None:
-        if shelf.linked("current") != plan.key:
+        if shelf.link_target("current") != plan.key:
             self.changes.append(f"build {plan.key} of {plan.words} taken into use")
             self.notes.extend(marker["notes"])
             if self.check:
@@ -138,12 +138,12 @@ class Build:
             shelf.note_tags(plan, marker["commits"])
             shelf.use(plan.key)
         if not self.check:
-            for key in shelf.prune([key for key in self._unfinished(shelf) if self._runs(key)]):
+            for key in shelf.prune([key for key in self._list_unfinished(shelf) if self._runs(key)]):
                 self._remove_log(key)
 
     def _start(self, plan: BuildPlan, shelf: Shelf) -> str:
         """Write the job and let systemd run it; a build of something that is declared no longer is stopped."""
-        for key in self._unfinished(shelf):
+        for key in self._list_unfinished(shelf):
             if key != plan.key:
                 if self._runs(key):
                     self.run(["systemctl", "stop", _unit(key)])
@@ -174,7 +174,7 @@ class Build:
             for repository, token in self.tokens.items():
                 if token and self.offline is None:
                     keep(home, repository, plan.repositories[repository].url, token)
-            succeed(self.run(self._command(plan.key)), "systemd did not start the build")
+            require_success(self.run(self._command(plan.key)), "systemd did not start the build")
         except BaseException:
             shutil.rmtree(home, ignore_errors=True)
             raise
@@ -196,7 +196,7 @@ class Build:
         command += [f"--property={item}" for item in properties]
         return [*command, "/usr/bin/python3", "-I", os.path.join(home, "program.pyz"), os.path.join(home, "job.json")]
 
-    def _ended(self, plan: BuildPlan, started: str) -> ModuleError:
+    def _build_failure(self, plan: BuildPlan, run_id: str) -> ModuleError:
         """Why there is no build although it has been started."""
         try:
             with open(self.places.outcome(plan.key), encoding="utf-8") as file:
@@ -204,7 +204,7 @@ class Build:
         except (OSError, ValueError):
             outcome = {}
         log = self.places.log(plan.key)
-        if outcome.get("run") == started and not outcome.get("ok"):
+        if outcome.get("run") == run_id and not outcome.get("ok"):
             hint = outcome["hint"]
             return ModuleError(
                 outcome["message"], f"{hint}{'; ' if hint else ''}all that was said: {log} on the gateway"
@@ -214,14 +214,14 @@ class Build:
             f"type the same again: it goes on with what it has fetched; all that was said: {log} on the gateway",
         )
 
-    def _prerequisites(self, found: str | None) -> None:
+    def _prerequisites(self, compiler_version: str | None) -> None:
         if not os.path.isfile(self.ros_setup):
             raise ModuleError(
                 f"ROS 2 is not installed on the gateway: there is no {self.ros_setup}",
                 "declare `ros2:` beside `interop:`, with the release that is meant",
             )
-        desired = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
-        missing = [name for name in desired if not is_there(name)] + ([] if found else ["c++"])
+        programs = ["git", "colcon", "make", *(["cmake"] if self.examples is not None else [])]
+        missing = [name for name in programs if not is_there(name)] + ([] if compiler_version else ["c++"])
         if missing:
             raise ModuleError(
                 f"the gateway lacks {', '.join(missing)} to build with",
@@ -229,8 +229,8 @@ class Build:
             )
 
     def _runs(self, key: str) -> bool:
-        done = self.run(["systemctl", "show", "--property", "ActiveState", "--value", _unit(key)])
-        return done.output.strip() in _RUNNING
+        result = self.run(["systemctl", "show", "--property", "ActiveState", "--value", _unit(key)])
+        return result.output.strip() in _RUNNING
 
     def _running(self, key: str) -> str:
         try:
@@ -240,12 +240,12 @@ class Build:
             return ""
 
     @staticmethod
-    def _unfinished(shelf: Shelf) -> list[str]:
+    def _list_unfinished(shelf: Shelf) -> list[str]:
         try:
-            found = sorted(os.listdir(os.path.join(shelf.prefix, "builds")))
+            keys = sorted(os.listdir(os.path.join(shelf.prefix, "builds")))
         except FileNotFoundError:
             return []
-        return [key for key in found if shelf.marker(key) is None]
+        return [key for key in keys if shelf.marker(key) is None]
 
     def _remove_log(self, key: str) -> None:
         for path in (self.places.log(key), self.places.outcome(key)):

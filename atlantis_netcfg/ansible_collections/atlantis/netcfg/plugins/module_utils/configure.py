@@ -17,7 +17,7 @@ from . import ssh_access
 from .errors import ModuleError
 from .file_transaction import FileTransaction, clear, strays
 from .filesystem import ABSENT, FileSystem, Stamps
-from .programs import Done, last_lines, run, succeed
+from .programs import ProgramResult, last_lines, require_success, run
 from .ssh_access import alone
 
 if TYPE_CHECKING:
@@ -46,30 +46,32 @@ class ConfigureState:
         """Whether systemd knows it."""
         return self.load not in ("not-found", "")
 
-    def enabled_as(self, *, desired: bool) -> bool:
+    def enabled_as(self, *, should_start: bool) -> bool:
         """Whether it already starts, or does not start, with the computer, as far as that can be said of it."""
         if self.file in _NO_INSTALL:
             return True
-        return (self.file == "enabled") == desired
+        return (self.file == "enabled") == should_start
 
 
 class Systemd:
     """The manager of this computer; `run` and `sleep` are given by tests."""
 
-    def __init__(self, run: Callable[[list[str]], Done] = run, sleep: Callable[[float], None] = time.sleep) -> None:
+    def __init__(
+        self, run: Callable[[list[str]], ProgramResult] = run, sleep: Callable[[float], None] = time.sleep
+    ) -> None:
         self.run = run
         self.sleep = sleep
 
     def look(self, name: str) -> ConfigureState:
         """Ask for the state of a unit."""
-        desired = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
-        done = self.run(["systemctl", "show", "--property", desired, "--", name])
-        if done.code != 0:
+        properties = "LoadState,ActiveState,SubState,UnitFileState,ConditionResult,NeedDaemonReload"
+        result = self.run(["systemctl", "show", "--property", properties, "--", name])
+        if result.code != 0:
             raise ModuleError(
-                f"systemd does not answer:\n{last_lines(done.output)}",
+                f"systemd does not answer:\n{last_lines(result.output)}",
                 "`systemctl is-system-running` tells why; a container without systemd cannot be a gateway",
             )
-        values = dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
+        values = dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
         return ConfigureState(
             load=values.get("LoadState", ""),
             active=values.get("ActiveState", ""),
@@ -81,36 +83,36 @@ class Systemd:
 
     def reload_manager(self) -> None:
         """Let systemd read the unit files again."""
-        succeed(self.run(["systemctl", "daemon-reload"]), "systemd could not read its unit files again")
+        require_success(self.run(["systemctl", "daemon-reload"]), "systemd could not read its unit files again")
 
-    def enable(self, name: str, *, desired: bool) -> None:
+    def enable(self, name: str, *, should_start: bool) -> None:
         """Let it start, or not start, with the computer."""
-        verb = "enable" if desired else "disable"
-        succeed(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
+        verb = "enable" if should_start else "disable"
+        require_success(self.run(["systemctl", verb, "--", name]), f"unit {name} could not be {verb}d")
 
     def order(self, verb: str, name: str, *, wait: bool = True) -> None:
         """Start, stop, restart or reload; without `wait` the order is only placed."""
         if verb != "stop":
             self.run(["systemctl", "reset-failed", "--", name])
-        done = self.run(["systemctl", verb, *([] if wait else ["--no-block"]), "--", name])
-        if done.code != 0:
+        result = self.run(["systemctl", verb, *([] if wait else ["--no-block"]), "--", name])
+        if result.code != 0:
             raise self._failure(f"systemctl {verb} {name} failed", name)
 
     def settle(self) -> None:
         """Wait until a service that cannot run has died."""
         self.sleep(_SETTLE_S)
 
-    def must_run(self, name: str, *, waited: bool) -> None:
+    def must_run(self, name: str, *, has_waited: bool) -> None:
         """Read back that a unit runs; where nobody waited for it, that it has not failed."""
         state = self.look(name)
-        if state.active in ("active", "reloading") or (not waited and state.active == "activating"):
+        if state.active in ("active", "reloading") or (not has_waited and state.active == "activating"):
             return
         if state.active == "inactive" and not state.condition:
             raise ModuleError(
                 f"unit {name} did not start: a condition of its unit file does not hold on this computer",
                 f"`systemctl status {name}` names the condition",
             )
-        if state.active == "inactive" and not waited:
+        if state.active == "inactive" and not has_waited:
             return
         raise self._failure(f"unit {name} does not stay up: it is {state.active} ({state.sub})", name)
 
@@ -136,7 +138,7 @@ class Configure:
         wishes: DesiredState,
         *,
         check: bool = False,
-        run: Callable[[list[str]], Done] = run,
+        run: Callable[[list[str]], ProgramResult] = run,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.tree = tree
@@ -179,8 +181,8 @@ class Configure:
         ]
 
     def _place(self) -> None:
-        left = strays(self.tree, self.wishes)
-        self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *left))
+        stray_paths = strays(self.tree, self.wishes)
+        self.wishes = replace(self.wishes, absent=(*self.wishes.absent, *stray_paths))
         placing = FileTransaction(self.tree, self.wishes, self.run)
         if self.check:
             placing.validate_aside()
@@ -191,7 +193,7 @@ class Configure:
             }
         else:
             placing.place()
-            clear(self.tree, self.wishes, left)
+            clear(self.tree, self.wishes, stray_paths)
         self.findings += placing.left.values()
         self._left = {*placing.left}
         self.changes += placing.changes()
@@ -200,11 +202,11 @@ class Configure:
     def _read_unit_files(self) -> None:
         wishes = self.wishes
         paths = [*(file.path for file in wishes.files), *(link.path for link in wishes.links), *wishes.absent]
-        desired = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
-        if not self.stamps.holds(_MANAGER, desired):
+        digests = self._digests(path for path in paths if path.startswith(_UNIT_FOLDERS))
+        if not self.stamps.holds(_MANAGER, digests):
             self._reload_manager()
             if not self.check:
-                self.stamps.note(_MANAGER, desired)
+                self.stamps.note(_MANAGER, digests)
 
     def _reload_manager(self) -> None:
         if not self.check:
@@ -213,38 +215,38 @@ class Configure:
 
     def _take(self, step: ConvergeStep) -> None:
         after = self._digests(step.after)
-        desired = {**after, "run": _digest(json.dumps(step.run).encode())}
-        gone = set(after.values()) == {ABSENT}
-        if self.stamps.holds(step.name, after if gone else desired):
+        digests = {**after, "run": _digest(json.dumps(step.run).encode())}
+        is_absent = set(after.values()) == {ABSENT}
+        if self.stamps.holds(step.name, after if is_absent else digests):
             return
         if not self.check:
-            self.stamps.begin(step.name, desired)
-            done = self.run(list(step.run))
-            succeed(done, f"step `{step.name}` failed", "it is tried again by the next run")
-            self.notes += [line[len(_NOTE) :] for line in done.output.splitlines() if line.startswith(_NOTE)]
-            self.stamps.note(step.name, desired)
+            self.stamps.begin(step.name, digests)
+            result = self.run(list(step.run))
+            require_success(result, f"step `{step.name}` failed", "it is tried again by the next run")
+            self.notes += [line[len(_NOTE) :] for line in result.output.splitlines() if line.startswith(_NOTE)]
+            self.stamps.note(step.name, digests)
         self.changes.append(f"step {step.name}")
 
     def _bring_units(self) -> None:
-        started: list[tuple[Unit, dict[str, str]]] = []
+        started_units: list[tuple[Unit, dict[str, str]]] = []
         for unit in self.wishes.units:
             if not self._left.isdisjoint(unit.after):
                 continue
             state = self._state(unit)
             if state is None:
                 continue
-            if unit.enabled is not None and not state.enabled_as(desired=unit.enabled):
+            if unit.enabled is not None and not state.enabled_as(should_start=unit.enabled):
                 if not self.check:
-                    self.systemd.enable(unit.name, desired=unit.enabled)
+                    self.systemd.enable(unit.name, should_start=unit.enabled)
                 self.changes.append(f"unit {unit.name} {'enabled' if unit.enabled else 'disabled'}")
-            desired = self._digests(unit.after)
-            if self._order(unit, state, desired):
-                started.append((unit, desired))
-        if started and not self.check:
+            digests = self._digests(unit.after)
+            if self._order(unit, state, digests):
+                started_units.append((unit, digests))
+        if started_units and not self.check:
             self.systemd.settle()
-            for unit, desired in started:
-                self.systemd.must_run(unit.name, waited=unit.wait)
-                self.stamps.note(_stamp(unit), desired)
+            for unit, digests in started_units:
+                self.systemd.must_run(unit.name, has_waited=unit.wait)
+                self.stamps.note(_stamp(unit), digests)
 
     def _state(self, unit: Unit) -> ConfigureState | None:
         """Look at a unit; None if there is nothing to be done, because there is no such unit and none is wanted."""
@@ -267,16 +269,16 @@ class Configure:
             f"there is no unit {unit.name} on this computer", "the package that brings it is not installed"
         )
 
-    def _order(self, unit: Unit, state: ConfigureState, desired: dict[str, str]) -> bool:
+    def _order(self, unit: Unit, state: ConfigureState, digests: dict[str, str]) -> bool:
         """Start, stop, restart or reload as needed; True if it has to be seen running afterwards."""
         runs = state.active in ("active", "reloading", "activating")
         stamp = _stamp(unit)
-        fresh = self.stamps.holds(stamp, desired)
+        fresh = self.stamps.holds(stamp, digests)
         if unit.active is False or (unit.active is None and not runs):
             if runs and not self.check:
                 self.systemd.order("stop", unit.name)
             if not fresh and not self.check:
-                self.stamps.note(stamp, desired)
+                self.stamps.note(stamp, digests)
             if runs:
                 self.changes.append(f"unit {unit.name} stopped")
             return False
@@ -286,7 +288,7 @@ class Configure:
         if runs:
             verb, text = ("reload-or-restart", "reloaded") if unit.reload else ("restart", "restarted")
         if not self.check:
-            self.stamps.begin(stamp, desired)
+            self.stamps.begin(stamp, digests)
             self.systemd.order(verb, unit.name, wait=unit.wait)
         self.changes.append(f"unit {unit.name} {text}")
         return True
@@ -297,9 +299,9 @@ class Configure:
     def _digest_at(self, path: str) -> str:
         if path in self._to_come:
             return self._to_come[path]
-        found = self.tree.find(path)
-        if found is not None and found.kind == "link" and path in {link.path for link in self.wishes.links}:
-            return _digest(found.target.encode())
+        file = self.tree.find(path)
+        if file is not None and file.kind == "link" and path in {link.path for link in self.wishes.links}:
+            return _digest(file.target.encode())
         content = self.tree.read(path)
         return ABSENT if content is None else _digest(content)
 

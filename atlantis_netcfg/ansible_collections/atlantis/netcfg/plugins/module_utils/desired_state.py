@@ -143,9 +143,9 @@ class DesiredState:
     def of(cls, values: Mapping[str, Any]) -> DesiredState:
         """Read the parameters of the module."""
         rows: dict[str, Any] = {
-            name: tuple(_file(row, values.get("secrets") or {}) if kind is File else _row(kind, row) for row in given)
+            name: tuple(_file(row, values.get("secrets") or {}) if kind is File else _row(kind, row) for row in entries)
             for name, kind in ROWS.items()
-            if (given := values.get(name))
+            if (entries := values.get(name))
         }
         way_in = _row(WayIn, values["way_in"]) if values.get("way_in") else None
         paths = {name: tuple(values.get(name) or ()) for name in ("absent", "only")}
@@ -188,15 +188,15 @@ def _file(row: Mapping[str, Any], secrets: Mapping[str, str]) -> File:
     return file
 
 
-def mode_of(owned: Directory | File) -> int:
+def mode_of(entry: Directory | File) -> int:
     """Its mode as chmod(2) takes it."""
     try:
-        mode = int(owned.mode, 8)
+        mode = int(entry.mode, 8)
     except ValueError:
         mode = -1
     if not 0 <= mode <= 0o7777:  # noqa: PLR2004 - chmod(2)
         raise ModuleError(
-            f"{owned.path}: `{owned.mode}` is no mode", 'a mode is four octal digits in quotes, like "0644"'
+            f"{entry.path}: `{entry.mode}` is no mode", 'a mode is four octal digits in quotes, like "0644"'
         )
     return mode
 
@@ -211,8 +211,8 @@ def _check_paths(wishes: DesiredState) -> None:
 
 
 def _check_once(what: str, names: Iterable[str]) -> None:
-    seen: set[str] = set()
+    seen_names: set[str] = set()
     for name in names:
-        if name in seen:
+        if name in seen_names:
             raise ModuleError(f"{what} {name} is declared twice", "declare it once")
-        seen.add(name)
+        seen_names.add(name)

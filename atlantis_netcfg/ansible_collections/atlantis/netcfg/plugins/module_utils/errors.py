@@ -23,7 +23,7 @@ def in_words(error: OSError, path: str) -> ModuleError:
     """What an error of the operating system at `path` means for a person."""
     if error.errno in _SPACE:
         return ModuleError(
-            f"the file system of {path} is full{_left(path)}",
+            f"the file system of {path} is full{_describe_free_space(path)}",
             "`df -h; df -i` tells where; `apt-get clean` and `journalctl --vacuum-size=50M` make room",
         )
     if error.errno == errno.EROFS:
@@ -43,7 +43,7 @@ def in_words(error: OSError, path: str) -> ModuleError:
     return ModuleError(f"{path}: {error.strerror or error}", "")
 
 
-def _left(path: str) -> str:
+def _describe_free_space(path: str) -> str:
     for place in (Path(path), *Path(path).parents):
         with contextlib.suppress(OSError):
             return f": {shutil.disk_usage(place).free // 1024} kB are free"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Callable, Iterator
 
 from .desired_state import mode_of
 from .errors import ModuleError
-from .programs import Done, is_there, last_lines
+from .programs import ProgramResult, is_there, last_lines
 
 if TYPE_CHECKING:
     from .desired_state import DesiredState, Directory, File
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class FileTransaction:
     """The first half of a call. It is made by reading, and refuses what cannot be replaced; `place` writes."""
 
-    def __init__(self, tree: FileSystem, wishes: DesiredState, run: Callable[[list[str]], Done]) -> None:
+    def __init__(self, tree: FileSystem, wishes: DesiredState, run: Callable[[list[str]], ProgramResult]) -> None:
         self.tree = tree
         self.wishes = wishes
         self.run = run
@@ -33,7 +33,7 @@ class FileTransaction:
             **{path: self._find(path, ("file", "link")) for path in wishes.absent},
         }
         self.owned: tuple[Directory | File, ...] = (*wishes.directories, *wishes.files)
-        self.owners = {desired.path: (tree.uid(desired.owner), tree.gid(desired.group)) for desired in self.owned}
+        self.owners = {entry.path: (tree.uid(entry.owner), tree.gid(entry.group)) for entry in self.owned}
         self.rewritten = [request for request in wishes.files if self._is_other(request)]
         self._made: list[str] = []
         self.left: dict[str, tuple[str, str]] = {}
@@ -43,14 +43,18 @@ class FileTransaction:
         """What `place` does, one line each."""
         lines: list[str] = []
         for directory in self.wishes.directories:
-            found = self.found[directory.path]
-            lines += [f"directory {directory.path}"] if found is None else self._mended("directory", directory, found)
+            current = self.found[directory.path]
+            lines += (
+                [f"directory {directory.path}"]
+                if current is None
+                else self._list_mode_changes("directory", directory, current)
+            )
         for file in self._files:
-            found = self.found[file.path]
-            if file in self.rewritten or found is None:
+            current = self.found[file.path]
+            if file in self.rewritten or current is None:
                 lines.append(f"file {file.path}")
             else:
-                lines += self._mended("file", file, found)
+                lines += self._list_mode_changes("file", file, current)
         lines += [
             f"link {link.path} -> {link.target}"
             for link in self.wishes.links
@@ -60,19 +64,19 @@ class FileTransaction:
 
     def differences(self) -> list[dict[str, str]]:
         """The texts that change, as Ansible prints them; what is secret or no text is left out."""
-        shown = []
+        rows = []
         for file in self.rewritten:
-            found = self.found[file.path]
-            before = _text(b"" if found is None else found.content)
+            current = self.found[file.path]
+            before = _text(b"" if current is None else current.content)
             after = _text(file.data)
             if not file.secret and before is not None and after is not None:
-                shown.append(_difference(file.path, before, after))
+                rows.append(_difference(file.path, before, after))
         for path in self.wishes.absent:
-            found = self.found[path]
-            before = None if found is None else _text(found.content)
+            current = self.found[path]
+            before = None if current is None else _text(current.content)
             if before:
-                shown.append(_difference(path, before, ""))
-        return shown
+                rows.append(_difference(path, before, ""))
+        return rows
 
     @property
     def _files(self) -> list[File]:
@@ -114,9 +118,9 @@ class FileTransaction:
         for file in self.rewritten:
             self.tree.put(file.path)
         for request in self.owned:
-            found = self.found[request.path]
-            kept = request.path not in self.left and request not in self.rewritten
-            if found is not None and kept and self._mended("", request, found):
+            current = self.found[request.path]
+            is_unchanged = request.path not in self.left and request not in self.rewritten
+            if current is not None and is_unchanged and self._list_mode_changes("", request, current):
                 self.tree.mend(request.path, mode_of(request), *self.owners[request.path])
         for link in self.wishes.links:
             if not self._links(link.path, link.target):
@@ -155,9 +159,9 @@ class FileTransaction:
             why = f"`{program}`, which has to accept {file.path}, is not installed, {end}"
             self._leave(file, why, "install the package that holds it")
             return
-        done = self.run([word.replace("%s", beside) for word in file.validate])
-        if done.code != 0:
-            text = "" if file.secret else ":\n" + last_lines(done.output.replace(beside, file.path))
+        result = self.run([word.replace("%s", beside) for word in file.validate])
+        if result.code != 0:
+            text = "" if file.secret else ":\n" + last_lines(result.output.replace(beside, file.path))
             self._leave(file, f"{program} does not accept the new {file.path}, {end}{text}", file.hint)
 
     def _leave(self, file: File, why: str, hint: str) -> None:
@@ -181,18 +185,18 @@ class FileTransaction:
         )
 
     def _is_other(self, file: File) -> bool:
-        found = self.found[file.path]
-        return found is None or found.kind != "file" or found.content != file.data
+        current = self.found[file.path]
+        return current is None or current.kind != "file" or current.content != file.data
 
     def _links(self, path: str, target: str) -> bool:
-        found = self.found[path]
-        return found is not None and found.kind == "link" and found.target == target
+        current = self.found[path]
+        return current is not None and current.kind == "link" and current.target == target
 
-    def _mended(self, kind: str, request: Directory | File, found: FoundFile) -> list[str]:
+    def _list_mode_changes(self, kind: str, request: Directory | File, current: FoundFile) -> list[str]:
         lines = []
-        if found.mode != (mode := mode_of(request)):
-            lines.append(f"{kind} {request.path} mode {found.mode:04o} -> {mode:04o}")
-        if (found.uid, found.gid) != self.owners[request.path]:
+        if current.mode != (mode := mode_of(request)):
+            lines.append(f"{kind} {request.path} mode {current.mode:04o} -> {mode:04o}")
+        if (current.uid, current.gid) != self.owners[request.path]:
             lines.append(f"{kind} {request.path} owner -> {request.owner}:{request.group}")
         return lines
 
@@ -215,14 +219,14 @@ def _difference(path: str, before: str, after: str) -> dict[str, str]:
 def strays(tree: FileSystem, wishes: DesiredState) -> tuple[str, ...]:
     """Files and links, at any depth, below the folders `only`; a link to a directory is not followed."""
     kinds = (wishes.directories, wishes.files, wishes.links)
-    declared = {item.path for kind in kinds for item in kind} | {*wishes.absent}
-    return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared)
+    declared_paths = {item.path for kind in kinds for item in kind} | {*wishes.absent}
+    return tuple(path for folder in wishes.only for path in _below(tree, folder) if path not in declared_paths)
 
 
-def clear(tree: FileSystem, wishes: DesiredState, removed: tuple[str, ...]) -> None:
+def clear(tree: FileSystem, wishes: DesiredState, removed_paths: tuple[str, ...]) -> None:
     """Remove the directories that have become empty, up to the folders `only`, which stay."""
     for folder in map(Path, wishes.only):
-        below = {above for path in removed for above in Path(path).parents if folder in above.parents}
+        below = {above for path in removed_paths for above in Path(path).parents if folder in above.parents}
         for empty in sorted(below, key=lambda path: len(path.parts), reverse=True):
             tree.remove_directory(str(empty))
 

@@ -130,9 +130,9 @@ class FileSystem:
                 os.unlink(beside)
             handle = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
             try:
-                left = memoryview(content)
-                while left:
-                    left = left[os.write(handle, left) :]
+                remaining = memoryview(content)
+                while remaining:
+                    remaining = remaining[os.write(handle, remaining) :]
                 if (uid, gid) != (os.geteuid(), os.getegid()):
                     os.fchown(handle, uid, gid)
                 os.fchmod(handle, mode)
@@ -227,7 +227,7 @@ class FileSystem:
 FOLDER = "/var/lib/atlantis/applied"
 ABSENT = "absent"
 """In place of a digest: there is no such file."""
-_BEGUN = "begun"
+_IN_PROGRESS = "begun"
 
 
 class Stamps:
@@ -236,28 +236,28 @@ class Stamps:
     def __init__(self, tree: FileSystem) -> None:
         self.tree = tree
 
-    def holds(self, name: str, desired: Mapping[str, str]) -> bool:
+    def holds(self, name: str, digests: Mapping[str, str]) -> bool:
         """Whether the last success was with just this; what is not there, and never was, needs none."""
-        noted = self._noted(name)
-        return all(noted.get(path, ABSENT) == digest for path, digest in desired.items())
+        saved_digests = self._read_digests(name)
+        return all(saved_digests.get(path, ABSENT) == digest for path, digest in digests.items())
 
-    def begin(self, name: str, desired: Mapping[str, str]) -> None:
+    def begin(self, name: str, digests: Mapping[str, str]) -> None:
         """Forget the last success before the act begins: an act that fails or is killed is done again."""
-        self._write(name, {**self._noted(name), **dict.fromkeys(desired, _BEGUN)})
+        self._write(name, {**self._read_digests(name), **dict.fromkeys(digests, _IN_PROGRESS)})
 
-    def note(self, name: str, desired: Mapping[str, str]) -> None:
+    def note(self, name: str, digests: Mapping[str, str]) -> None:
         """Note a success."""
-        self._write(name, {**self._noted(name), **desired})
+        self._write(name, {**self._read_digests(name), **digests})
 
-    def _noted(self, name: str) -> dict[str, str]:
+    def _read_digests(self, name: str) -> dict[str, str]:
         try:
-            noted = json.loads(self.tree.read(self._path(name)) or b"{}")
+            digests = json.loads(self.tree.read(self._path(name)) or b"{}")
         except ValueError:
             return {}
-        return noted if isinstance(noted, dict) else {}
+        return digests if isinstance(digests, dict) else {}
 
-    def _write(self, name: str, noted: Mapping[str, str]) -> None:
-        self.tree.write(self._path(name), json.dumps(noted, sort_keys=True).encode())
+    def _write(self, name: str, digests: Mapping[str, str]) -> None:
+        self.tree.write(self._path(name), json.dumps(digests, sort_keys=True).encode())
 
     @staticmethod
     def _path(name: str) -> str:

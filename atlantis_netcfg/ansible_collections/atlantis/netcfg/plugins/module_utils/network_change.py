@@ -19,10 +19,10 @@ from .errors import ModuleError, in_words
 from .network_desired import OURS, DesiredNetwork, same
 from .network_files import NetworkComputer, state_of
 from .network_guard import (
-    APPLIED,
+    APPLIED_PATH,
     APPLY_AFTER_S,
     APPLY_UNIT,
-    DESIRED,
+    DESIRED_PATH,
     OUTCOME,
     PENDING,
     PREVIOUS,
@@ -34,7 +34,7 @@ from .network_guard import (
 _SERVERS = ("sshd", "dropbear")
 """OpenSSH 9.8 and later call the process of a session `sshd-session`."""
 _ANCESTORS = 20
-_PARENT, _STARTED = 1, 19
+_PARENT, _START_TIME = 1, 19
 """Fields of /proc/PID/stat behind the name (proc(5): 4 and 22)."""
 
 
@@ -48,7 +48,7 @@ def began_s() -> float | None:
             return None
         name, fields = text.partition("(")[2].rpartition(")")[0], text.rpartition(")")[2].split()
         if name.startswith(_SERVERS):
-            return int(fields[_STARTED]) / os.sysconf("SC_CLK_TCK")
+            return int(fields[_START_TIME]) / os.sysconf("SC_CLK_TCK")
         pid = fields[_PARENT]
         if pid == "0":
             return None
@@ -118,7 +118,7 @@ def install(computer: NetworkComputer) -> None:
 
 
 _NETWORKD = "systemd-networkd.service"
-_ENABLED = f"/etc/systemd/system/multi-user.target.wants/{_NETWORKD}"
+_ENABLED_LINK = f"/etc/systemd/system/multi-user.target.wants/{_NETWORKD}"
 _UNIT = f"/lib/systemd/system/{_NETWORKD}"
 _ROOM_BYTES = 64 * 1024
 _MARGIN_S = 60.0
@@ -142,12 +142,12 @@ class NetworkChange:
         try:
             if not check:
                 self._end_earlier()
-            desired = self._compare()
+            entries = self._compare()
             self.desired.hold_alone(self.computer)
             if not self.changes:
                 return None
             self.desired.hold(self.computer)
-            return None if check else self._stage(desired)
+            return None if check else self._stage(entries)
         except OSError as error:
             raise in_words(error, str(error.filename or "/var/lib/atlantis/network")) from error
 
@@ -157,8 +157,8 @@ class NetworkChange:
         `again` instead of that: this session is older than the change, and proves nothing.
         """
         if self._wait_applied(name):
-            began, ended = began_s(), (self.computer.load(APPLIED) or {}).get("ended_s")
-            if began is not None and ended is not None and began <= ended:
+            began, end_s = began_s(), (self.computer.load(APPLIED_PATH) or {}).get("ended_s")
+            if began is not None and end_s is not None and began <= end_s:
                 return {"state": "pending", "again": True, "why": "this session is older than the change"}
             if missing := self._missing(name):
                 self._take_back_now()
@@ -184,18 +184,18 @@ class NetworkChange:
         for path, text in self.desired.files(self.computer).items():
             now = state_of(self.computer, path)
             mode = self.desired.mode if path == self.desired.path else 0o644
-            desired = {"path": path, "absent": True}
+            entry = {"path": path, "absent": True}
             if text is not None:
-                desired = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
-            alike = {**now, "text": ""} == {**desired, "text": ""} and same(now.get("text"), text)
-            entries.append(now if alike else desired)
+                entry = {"path": path, "text": text, "mode": mode, "uid": os.geteuid(), "gid": os.getegid()}
+            alike = {**now, "text": ""} == {**entry, "text": ""} and same(now.get("text"), text)
+            entries.append(now if alike else entry)
             if not alike:
                 self.changes.append(f"file {path} removed" if text is None else f"file {path}")
                 before = now.get("text") or ""
                 result = before if OURS in before else ""  # somebody else's may hold the key of a radio network
                 self.diff.append({"before_header": path, "after_header": path, "before": result, "after": text or ""})
         if self.desired.by == "networkd" and not self._networkd("is-enabled", "enabled"):
-            entries.append({"path": _ENABLED, "link": _UNIT})
+            entries.append({"path": _ENABLED_LINK, "link": _UNIT})
             self.changes.append(f"unit {_NETWORKD} enabled")
         if not self.changes:
             self.changes += [
@@ -203,7 +203,7 @@ class NetworkChange:
             ]
         return entries
 
-    def _stage(self, desired: list[dict[str, Any]]) -> str:
+    def _stage(self, entries: list[dict[str, Any]]) -> str:
         computer, name = self.computer, os.urandom(8).hex()
         interfaces = self._interfaces()
         with computer.alone():
@@ -211,20 +211,20 @@ class NetworkChange:
                 raise ModuleError("another run is changing the network of this computer", "let it come to its end")
             active = self._networkd("is-active", "active")
             previous = {
-                "files": [state_of(computer, entry["path"]) for entry in desired],
+                "files": [state_of(computer, entry["path"]) for entry in entries],
                 "interfaces": interfaces,
                 "networkd": active,
                 "running": running(computer, interfaces),
             }
             becomes = {
-                "files": desired,
+                "files": entries,
                 "interfaces": interfaces,
                 "networkd": active or self.desired.by != "ifupdown",
                 "running": self._rows(),
             }
             install(computer)
-            computer.remove(APPLIED)
-            for path, value in ((PREVIOUS, previous), (DESIRED, becomes)):
+            computer.remove(APPLIED_PATH)
+            for path, value in ((PREVIOUS, previous), (DESIRED_PATH, becomes)):
                 computer.write(path, json.dumps(value, indent=1))
             computer.write(ROOM, " " * _ROOM_BYTES)
             silent = f"no new session reached {self.desired.ip} within {self.desired.rollback_s} s"
@@ -252,10 +252,10 @@ class NetworkChange:
             raise
 
     def _systemd_run(self, words: tuple[str, ...]) -> None:
-        done = self.computer.run(("systemd-run", *words))
-        if done.code:
+        result = self.computer.run(("systemd-run", *words))
+        if result.code:
             raise ModuleError(
-                f"systemd does not start what would guard the change; nothing was changed: {done.output}",
+                f"systemd does not start what would guard the change; nothing was changed: {result.output}",
                 "`systemctl status` there tells how it is",
             )
 
@@ -282,8 +282,8 @@ class NetworkChange:
         pending = self.computer.load(PENDING)
         if pending is None:
             return
-        armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).output == "active"
-        if not armed:
+        is_armed = self.computer.run(("systemctl", "is-active", BACK_TIMER)).output == "active"
+        if not is_armed:
             self._take_back_now()
         if self.look(pending["id"], self.desired.rollback_s + _MARGIN_S)["state"] == "pending":
             raise ModuleError(
@@ -293,13 +293,13 @@ class NetworkChange:
 
     def _missing(self, name: str) -> str:
         """What is not as declared, once the tool has had its time; noted before, should the window close meanwhile."""
-        missing = "; ".join(self.desired.unreached(self.computer, 0.0))
+        missing = "; ".join(self.desired.wait_until_reachable(self.computer, 0.0))
         if not missing:
             return ""
         with self.computer.alone():
             if self._pending(name):
                 self.computer.write(PENDING, json.dumps({"id": name, "unconfirmed": missing}))
-        return "; ".join(self.desired.unreached(self.computer, _SETTLED_S))
+        return "; ".join(self.desired.wait_until_reachable(self.computer, _SETTLED_S))
 
     def _take_back_now(self) -> None:
         self.computer.run(("systemctl", "start", "--no-block", BACK))
@@ -312,7 +312,7 @@ class NetworkChange:
         """Wait until the tool has ended; False if the change is no longer waiting."""
         end = time.monotonic() + self.desired.rollback_s
         while self._pending(name) and time.monotonic() < end:
-            if (self.computer.load(APPLIED) or {}).get("ended_s") is not None:
+            if (self.computer.load(APPLIED_PATH) or {}).get("ended_s") is not None:
                 return True
             time.sleep(_PAUSE_S)
         return False
@@ -326,5 +326,5 @@ class NetworkChange:
             self.computer.write(OUTCOME, json.dumps(values))
             self.computer.remove(PENDING)
         self.computer.run(("systemctl", "stop", BACK_TIMER))
-        for path in (APPLIED, DESIRED, ROOM):
+        for path in (APPLIED_PATH, DESIRED_PATH, ROOM):
             self.computer.remove(path)

@@ -35,43 +35,43 @@ INTERFACES = "/etc/network/interfaces"
 _PROFILES = "/etc/NetworkManager/system-connections"
 
 
-def claims(computer: NetworkComputer, interface: str, local: str, gone: frozenset[str]) -> list[str]:
+def claims(computer: NetworkComputer, interface: str, local: str, removed_paths: frozenset[str]) -> list[str]:
     """Files that configure `interface`, but `own` and those that the change takes away."""
-    spared = gone | {local}
-    found = [
-        *_of_netplan(computer, interface, spared),
-        *_of_ifupdown(computer, interface, spared),
-        *_of_networkd(computer, interface, local, spared),
-        *_of_network_manager(computer, interface, spared),
+    ignored_paths = removed_paths | {local}
+    conflicts = [
+        *_of_netplan(computer, interface, ignored_paths),
+        *_of_ifupdown(computer, interface, ignored_paths),
+        *_of_networkd(computer, interface, local, ignored_paths),
+        *_of_network_manager(computer, interface, ignored_paths),
     ]
-    return sorted(set(found))
+    return sorted(set(conflicts))
 
 
 def plans(computer: NetworkComputer) -> list[str]:
     """The files that netplan reads."""
-    found: dict[str, str] = {}
+    path_by_name: dict[str, str] = {}
     for folder in _PLANS:
-        found.update((os.path.basename(path), path) for path in _glob(computer, f"{folder}/*.yaml"))
-    return [found[name] for name in sorted(found)]
+        path_by_name.update((os.path.basename(path), path) for path in _glob(computer, f"{folder}/*.yaml"))
+    return [path_by_name[name] for name in sorted(path_by_name)]
 
 
-def merged(computer: NetworkComputer, texts: dict[str, str]) -> tuple[str, list[str]]:
+def generate_netplan(computer: NetworkComputer, texts: dict[str, str]) -> tuple[str, list[str]]:
     """What netplan says to files of these names and texts, empty if it takes them, and what it makes of them."""
     with tempfile.TemporaryDirectory(prefix="atlantis-netplan-") as root:
         os.makedirs(f"{root}/etc/netplan")
         for name, text in texts.items():
-            with open(f"{root}/etc/netplan/{name}", "w", encoding="utf-8", opener=_closed) as file:
+            with open(f"{root}/etc/netplan/{name}", "w", encoding="utf-8", opener=_open_private) as file:
                 file.write(text)
-        done = computer.run(("netplan", "generate", "--root-dir", root))
-        made = []
+        result = computer.run(("netplan", "generate", "--root-dir", root))
+        network_texts = []
         for path in sorted(glob.glob(f"{root}/run/systemd/network/*.network")):
             with open(path, encoding="utf-8") as file:
-                made.append(file.read())
-        message = done.output.replace(f"{root}/", "/") or f"netplan ended with {done.code}"
-        return (message if done.code else ""), made
+                network_texts.append(file.read())
+        message = result.output.replace(f"{root}/", "/") or f"netplan ended with {result.code}"
+        return (message if result.code else ""), network_texts
 
 
-def matched(computer: NetworkComputer, text: str, interface: str) -> bool:
+def matches_interface(computer: NetworkComputer, text: str, interface: str) -> bool:
     """Whether the section [Match] of a .network file takes the interface; what it cannot tell, it takes for yes."""
     section = re.search(r"^\[Match\]\s*$(.*?)(?=^\[|\Z)", text, re.MULTILINE | re.DOTALL)
     rows = re.findall(r"^\s*(\w+)\s*=\s*(.*?)\s*$", section.group(1), re.MULTILINE) if section else []
@@ -90,21 +90,23 @@ def _among(name: str, patterns: list[str]) -> bool:
     return any(fnmatch.fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def _closed(path: str, flags: int) -> int:
+def _open_private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)  # netplan complains of files that others can read
 
 
-def _of_netplan(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_netplan(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
     """Each file by itself: netplan is asked what it makes of it. One that it refuses is judged by the name in it."""
     if not os.path.exists(computer.at(_NETPLAN)):
         return
     for path in plans(computer):
         text = computer.read(path) or ""
-        if path in spared:
+        if path in ignored_paths:
             continue
-        message, made = merged(computer, {os.path.basename(path): text})
-        named = re.search(rf"(?<![\w-]){re.escape(interface)}(?![\w-])", text) is not None
-        if any(matched(computer, item, interface) for item in made) or (named and (message or not made)):
+        message, network_texts = generate_netplan(computer, {os.path.basename(path): text})
+        is_named = re.search(rf"(?<![\w-]){re.escape(interface)}(?![\w-])", text) is not None
+        if any(matches_interface(computer, item, interface) for item in network_texts) or (
+            is_named and (message or not network_texts)
+        ):
             yield path
 
 
@@ -113,17 +115,17 @@ def stanzas(computer: NetworkComputer) -> list[tuple[str, str]]:
     row = r"^[ \t]*(?:iface[ \t]+(\S+)|(?:auto|allow-\S+)[ \t]+(.*))"
     return [
         (path, name)
-        for path in _sourced(computer, INTERFACES)
+        for path in _included_files(computer, INTERFACES)
         for iface, names in re.findall(row, computer.read(path) or "", re.MULTILINE)
         for name in [*iface.split(), *names.split()]
     ]
 
 
-def _of_ifupdown(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
-    return (path for path, name in stanzas(computer) if path not in spared and _among(interface, [name]))
+def _of_ifupdown(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
+    return (path for path, name in stanzas(computer) if path not in ignored_paths and _among(interface, [name]))
 
 
-def _sourced(computer: NetworkComputer, path: str) -> Iterator[str]:
+def _included_files(computer: NetworkComputer, path: str) -> Iterator[str]:
     """A file of interfaces(5) and those that it names."""
     text = computer.read(path)
     if text is None:
@@ -133,32 +135,32 @@ def _sourced(computer: NetworkComputer, path: str) -> Iterator[str]:
         full = os.path.join(os.path.dirname(path), pattern)
         for item in _glob(computer, full if word == "source" else f"{full}/*"):
             if word == "source" or re.fullmatch(r"[A-Za-z0-9_-]+", os.path.basename(item)):
-                yield from _sourced(computer, item)
+                yield from _included_files(computer, item)
 
 
-def _of_networkd(computer: NetworkComputer, interface: str, local: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_networkd(computer: NetworkComputer, interface: str, local: str, ignored_paths: frozenset[str]) -> Iterator[str]:
     """Where networkd works: what a person has written, and of the vendor's what comes before ours."""
     works = computer.run(("systemctl", "is-enabled", "systemd-networkd.service")).output.split("\n")[0]
     if not works.startswith("enabled") and not local.startswith(_PARTS[0]):
         return
-    seen = set()
+    seen_names = set()
     for folder in _PARTS:
         for path in _glob(computer, f"{folder}/*.network"):
             name = os.path.basename(path)
             vendors = folder not in _PARTS[:2]
-            if name in seen or path in spared or (folder == _PARTS[1] and "netplan" in name):
+            if name in seen_names or path in ignored_paths or (folder == _PARTS[1] and "netplan" in name):
                 continue
-            seen.add(name)
+            seen_names.add(name)
             if vendors and name > os.path.basename(local):
                 continue
-            if matched(computer, computer.read(path) or "", interface):
+            if matches_interface(computer, computer.read(path) or "", interface):
                 yield path
 
 
-def _of_network_manager(computer: NetworkComputer, interface: str, spared: frozenset[str]) -> Iterator[str]:
+def _of_network_manager(computer: NetworkComputer, interface: str, ignored_paths: frozenset[str]) -> Iterator[str]:
     for path in _glob(computer, f"{_PROFILES}/*.nmconnection"):
         row = rf"^interface-name={re.escape(interface)}\s*$"
-        if path not in spared and re.search(row, computer.read(path) or "", re.MULTILINE):
+        if path not in ignored_paths and re.search(row, computer.read(path) or "", re.MULTILINE):
             yield path
 
 
@@ -247,8 +249,8 @@ class DesiredNetwork:
         """Path -> text of every file that the configuration consists of; None: it shall not be there."""
         result: dict[str, str | None] = {path: None for path in self.replaces if path != self.path}
         result[self.path] = self.content
-        written = any(os.path.exists(computer.at(path)) for path in _RESOLVERS)
-        if self.resolver is not None and not written:
+        is_managed = any(os.path.exists(computer.at(path)) for path in _RESOLVERS)
+        if self.resolver is not None and not is_managed:
             result[_RESOLV] = self.resolver
         return result
 
@@ -262,7 +264,7 @@ class DesiredNetwork:
             missing.append(f"there is no default route by {self.gateway} on {self.interface}")
         return missing
 
-    def unreached(self, computer: NetworkComputer, patience_s: float) -> list[str]:
+    def wait_until_reachable(self, computer: NetworkComputer, patience_s: float) -> list[str]:
         """As `lacks`, and whether the gateway answers on the interface; waits until nothing is left or patience is."""
         end = time.monotonic() + patience_s
         while True:
@@ -274,8 +276,8 @@ class DesiredNetwork:
     def _silent(self, computer: NetworkComputer) -> list[str]:
         self._knock()
         text = computer.run(("ip", "-json", "-4", "neighbour", "show", self.gateway, "dev", self.interface)).output
-        known = json.loads(text or "[]")
-        if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in known):
+        neighbours = json.loads(text or "[]")
+        if any("lladdr" in item and set(item.get("state", ())) & set(_ANSWERS) for item in neighbours):
             return []
         return [f"nobody answers at the gateway's address {self.gateway} on {self.interface}"]
 
@@ -310,9 +312,9 @@ class DesiredNetwork:
         """Raise `ModuleError` where another file configures the interface, too, also if ours is there already."""
         others = claims(computer, self.interface, self.path, frozenset(self.replaces))
         if others:
-            listed = ", ".join(others)
-            hint = f"let them go with the change by `replaces: [{listed}]` in `network` of the host"
-            what = f"{self.interface} is configured by other files, too, and the two would fight: {listed}"
+            path_list = ", ".join(others)
+            hint = f"let them go with the change by `replaces: [{path_list}]` in `network` of the host"
+            what = f"{self.interface} is configured by other files, too, and the two would fight: {path_list}"
             raise ModuleError(what, hint)
         if self.path == INTERFACES and INTERFACES not in self.replaces:
             self._hold_whole(computer)
@@ -323,18 +325,19 @@ class DesiredNetwork:
             return
         there = [(path, name) for path, name in stanzas(computer) if path not in self.replaces and name != "lo"]
         if there:
-            lost = dict.fromkeys(f"{name} ({path})" for path, name in there)
+            lost_entries = dict.fromkeys(f"{name} ({path})" for path, name in there)
             raise ModuleError(
-                f"{INTERFACES} is somebody else's; these interfaces would lose their entries: {', '.join(lost)}",
+                f"{INTERFACES} is somebody else's; these interfaces would lose their entries: "
+                f"{', '.join(lost_entries)}",
                 f"if they may: `replaces: [{INTERFACES}]` in `network` of the host; else declare `by: networkd`",
             )
 
     def _by_netplan(self, computer: NetworkComputer) -> str:
         """All its files together, with ours as it would be."""
-        kept = [path for path in plans(computer) if path not in self.replaces]
-        texts = {os.path.basename(path): computer.read(path) or "" for path in kept}
-        text, made = merged(computer, {**texts, os.path.basename(self.path): self.content})
-        if text or any(matched(computer, item, self.interface) for item in made):
+        remaining_paths = [path for path in plans(computer) if path not in self.replaces]
+        texts = {os.path.basename(path): computer.read(path) or "" for path in remaining_paths}
+        text, network_texts = generate_netplan(computer, {**texts, os.path.basename(self.path): self.content})
+        if text or any(matches_interface(computer, item, self.interface) for item in network_texts):
             return text
         return f"it makes nothing for {self.interface}; does another file of /etc/netplan name a `renderer`?"
 
@@ -342,9 +345,11 @@ class DesiredNetwork:
         with tempfile.NamedTemporaryFile("w", prefix="atlantis-interfaces-", encoding="utf-8") as file:
             file.write(self.content)
             file.flush()
-            done = computer.run(("ifup", "--no-act", "--force", f"--interfaces={file.name}", self.interface))
-            return done.output.replace(file.name, self.path) if done.code else ""
+            result = computer.run(("ifup", "--no-act", "--force", f"--interfaces={file.name}", self.interface))
+            return result.output.replace(file.name, self.path) if result.code else ""
 
     def _by_networkd(self, computer: NetworkComputer) -> str:
         """It has no check of its own: a file that does not name the interface would be taken for another's."""
-        return "" if matched(computer, self.content, self.interface) else f"it does not match {self.interface}"
+        return (
+            "" if matches_interface(computer, self.content, self.interface) else f"it does not match {self.interface}"
+        )

@@ -18,8 +18,8 @@ from typing import Iterator, Sequence
 
 from .network_files import FOLDER, Manifest, NetworkComputer, put
 
-PENDING, APPLIED, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
-PREVIOUS, DESIRED = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
+PENDING, APPLIED_PATH, OUTCOME = (f"{FOLDER}/{name}" for name in ("pending", "applied", "outcome"))
+PREVIOUS, DESIRED_PATH = f"{FOLDER}/previous.json", f"{FOLDER}/wanted.json"
 ROOM = f"{FOLDER}/room"
 """A few blocks that are given free before files are put back: the disk may have become full in the meantime."""
 APPLY_UNIT = "atlantis-network-apply.service"
@@ -38,11 +38,11 @@ def boot_time() -> float:
 
 def addresses(computer: NetworkComputer) -> dict[str, list[str]]:
     """The IPv4 addresses of each interface but the loopback, with their prefix lengths."""
-    done = computer.run(("ip", "-json", "-4", "address", "show"))
-    found = json.loads(done.output or "[]") if done.code == 0 else []
+    result = computer.run(("ip", "-json", "-4", "address", "show"))
+    links = json.loads(result.output or "[]") if result.code == 0 else []
     return {
         link["ifname"]: [f"{item['local']}/{item['prefixlen']}" for item in link["addr_info"]]
-        for link in found
+        for link in links
         if link and link["ifname"] != "lo"
     }
 
@@ -69,8 +69,8 @@ def _address_commands(rows: Sequence[str]) -> set[str]:
 def _interfaces(manifest: Manifest) -> list[str]:
     """Names in the files of ifupdown, but the loopback."""
     texts = [item.get("text", "") for item in manifest["files"] if item["path"].startswith("/etc/network/")]
-    found = re.findall(r"^\s*iface\s+(\S+)", "\n".join(texts), re.MULTILINE)
-    return [name for name in dict.fromkeys(found) if name != "lo"]
+    names = re.findall(r"^\s*iface\s+(\S+)", "\n".join(texts), re.MULTILINE)
+    return [name for name in dict.fromkeys(names) if name != "lo"]
 
 
 def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> list[str]:
@@ -85,9 +85,9 @@ def bring(computer: NetworkComputer, manifest: Manifest, other: Manifest) -> lis
     except OSError as error:
         complaints.append(f"{error.filename}: {error.strerror}")
     for words in _commands(manifest):
-        done = computer.run(words)
-        if done.code and words[:2] != ("systemctl", "stop"):  # what is not installed needs no stopping
-            complaints.append(f"`{' '.join(words)}` failed: {done.output}")
+        result = computer.run(words)
+        if result.code and words[:2] != ("systemctl", "stop"):  # what is not installed needs no stopping
+            complaints.append(f"`{' '.join(words)}` failed: {result.output}")
     return complaints
 
 
@@ -110,12 +110,12 @@ def _commands(manifest: Manifest) -> Iterator[Sequence[str]]:
 def apply(computer: NetworkComputer) -> None:
     """Bring the staged change into effect; if that fails, take it back at once."""
     with computer.alone():
-        pending, desired, previous = (computer.load(path) for path in (PENDING, DESIRED, PREVIOUS))
-        if pending is None or desired is None or previous is None or computer.load(APPLIED) is not None:
+        pending, desired_manifest, previous = (computer.load(path) for path in (PENDING, DESIRED_PATH, PREVIOUS))
+        if pending is None or desired_manifest is None or previous is None or computer.load(APPLIED_PATH) is not None:
             return
-        computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": None}))
-        complaints = bring(computer, desired, previous)
-        computer.write(APPLIED, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
+        computer.write(APPLIED_PATH, json.dumps({"id": pending["id"], "ended_s": None}))
+        complaints = bring(computer, desired_manifest, previous)
+        computer.write(APPLIED_PATH, json.dumps({"id": pending["id"], "ended_s": boot_time()}))
         if complaints:
             _back(computer, complaints[0])
 
@@ -132,22 +132,22 @@ def _back(computer: NetworkComputer, why: str | None = None) -> None:
     if pending is None or previous is None:
         return
     computer.remove(ROOM)
-    if computer.load(APPLIED) is not None:
-        desired = computer.load(DESIRED) or previous
-        bring(computer, previous, desired)
-        _settle(computer, previous, desired)
+    if computer.load(APPLIED_PATH) is not None:
+        desired_manifest = computer.load(DESIRED_PATH) or previous
+        bring(computer, previous, desired_manifest)
+        _settle(computer, previous, desired_manifest)
     put(computer, previous)
     _close(computer, pending, why or pending["unconfirmed"])
 
 
-def _settle(computer: NetworkComputer, previous: Manifest, desired: Manifest) -> None:
+def _settle(computer: NetworkComputer, previous: Manifest, desired_manifest: Manifest) -> None:
     """Wait for the tool; then have by hand what it did not bring back, and take away what it left of the change."""
     rows, names = previous["running"], previous["interfaces"]
     end = time.monotonic() + _COME_BACK_S
     while _address_commands(rows) - _address_commands(running(computer, names)) and time.monotonic() < end:
         time.sleep(_PAUSE_S)
     now = running(computer, names)
-    for row in desired["running"]:
+    for row in desired_manifest["running"]:
         if row in now and row not in rows:
             computer.run(("ip", *row.replace(" replace ", " del ").replace(" brd +", "").split()))
     for row in rows:
@@ -171,7 +171,7 @@ def boot(computer: NetworkComputer) -> None:
 def _close(computer: NetworkComputer, pending: Manifest, why: str) -> None:
     computer.write(OUTCOME, json.dumps({"id": pending["id"], "confirmed": False, "why": why}))
     computer.remove(PENDING)
-    computer.remove(APPLIED)
+    computer.remove(APPLIED_PATH)
 
 
 def main(verb: str) -> None:

@@ -21,7 +21,7 @@ _SIGNATURE, _KEY = 2, 6
 _DIRECT = 0x1F
 _CERTIFICATIONS = (0x10, 0x11, 0x12, 0x13, _DIRECT)
 """Signatures over a user name, and over the key itself; of the latter only those count that limit its life."""
-_CREATED, _EXPIRES, _ISSUER, _ISSUER_FINGERPRINT = 2, 9, 16, 33
+_CREATION_TIME, _EXPIRES, _ISSUER, _ISSUER_FINGERPRINT = 2, 9, 16, 33
 _ARMOUR = re.compile(
     rb"-----BEGIN PGP PUBLIC KEY BLOCK-----[ \t\r]*\n(.*?)\n-----END PGP PUBLIC KEY BLOCK-----", re.DOTALL
 )
@@ -37,8 +37,8 @@ class PublicKey:
 
     fingerprint: str
     """40 hex digits, capitals."""
-    created: int
-    renewed: int
+    created_at: int
+    renewed_at: int
     """When its owner last said something about it: a clock before that is wrong."""
     expires: int | None
     """None: never."""
@@ -112,9 +112,9 @@ def _new_length(data: bytes, at: int) -> tuple[int, int]:
 def _key(body: bytes) -> PublicKey:
     if body[0] != 4:  # noqa: PLR2004 - the version that every archive uses
         raise NotAKey(f"it is a key of version {body[0]}")
-    created = int.from_bytes(body[1:5], "big")
+    creation_time = int.from_bytes(body[1:5], "big")
     digest = hashlib.sha1(b"\x99" + len(body).to_bytes(2, "big") + body)  # noqa: S324 - what a fingerprint is
-    return PublicKey(digest.hexdigest().upper(), created, created, None)
+    return PublicKey(digest.hexdigest().upper(), creation_time, creation_time, None)
 
 
 def _with_signature(key: PublicKey, body: bytes) -> PublicKey:
@@ -122,18 +122,18 @@ def _with_signature(key: PublicKey, body: bytes) -> PublicKey:
     if body[0] != 4 or body[1] not in _CERTIFICATIONS:  # noqa: PLR2004
         return key
     size = int.from_bytes(body[4:6], "big")
-    hashed = body[6 : 6 + size]
+    hashed_part = body[6 : 6 + size]
     more = int.from_bytes(body[6 + size : 8 + size], "big")
     values = dict(_subpackets(body[8 + size : 8 + size + more]))
-    values.update(_subpackets(hashed))
-    life = int.from_bytes(dict(_subpackets(hashed)).get(_EXPIRES, b""), "big")
+    values.update(_subpackets(hashed_part))
+    life = int.from_bytes(dict(_subpackets(hashed_part)).get(_EXPIRES, b""), "big")
     if body[1] == _DIRECT and not life:
         return key
     issuer = values.get(_ISSUER, values.get(_ISSUER_FINGERPRINT, b"")[1:][-8:]).hex().upper()
-    made = int.from_bytes(values.get(_CREATED, b""), "big")
-    if issuer != key.fingerprint[-16:] or made < key.renewed:
+    signature_time = int.from_bytes(values.get(_CREATION_TIME, b""), "big")
+    if issuer != key.fingerprint[-16:] or signature_time < key.renewed_at:
         return key
-    return PublicKey(key.fingerprint, key.created, made, key.created + life if life else None)
+    return PublicKey(key.fingerprint, key.created_at, signature_time, key.created_at + life if life else None)
 
 
 def _subpackets(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -15,14 +15,14 @@ _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 @dataclass(frozen=True)
-class Done:
+class ProgramResult:
     """How a program ended, and all that it said, in order."""
 
     code: int
     output: str
 
 
-def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
+def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> ProgramResult:
     """Run a program without a terminal, in English; 127: it is not there, 124: it took longer than `timeout_s`."""
     environment = dict(os.environ, LC_ALL="C.UTF-8", LANGUAGE="", PATH=_PATH, DEBIAN_FRONTEND="noninteractive")
     try:
@@ -36,12 +36,12 @@ def run(argv: list[str], timeout_s: float = _TIMEOUT_S) -> Done:
             check=False,
         )
     except FileNotFoundError:
-        return Done(127, f"{argv[0]}: not found")
+        return ProgramResult(127, f"{argv[0]}: not found")
     except subprocess.TimeoutExpired as late:
-        return Done(124, (late.stdout or b"").decode(errors="replace") + f"\nno end after {timeout_s:.0f} s")
+        return ProgramResult(124, (late.stdout or b"").decode(errors="replace") + f"\nno end after {timeout_s:.0f} s")
     except OSError as error:
-        return Done(126, f"{argv[0]}: {error.strerror}")
-    return Done(process.returncode, process.stdout.decode(errors="replace"))
+        return ProgramResult(126, f"{argv[0]}: {error.strerror}")
+    return ProgramResult(process.returncode, process.stdout.decode(errors="replace"))
 
 
 def is_there(program: str) -> bool:
@@ -55,8 +55,8 @@ def last_lines(text: str) -> str:
     return "\n".join(lines[-_LINES:])
 
 
-def succeed(done: Done, what: str, hint: str = "") -> None:
+def require_success(result: ProgramResult, what: str, hint: str = "") -> None:
     """Raise with the last lines unless the program succeeded."""
-    if done.code != 0:
-        text = last_lines(done.output)
-        raise ModuleError(f"{what} (exit {done.code})" + (f":\n{text}" if text else " without a word"), hint)
+    if result.code != 0:
+        text = last_lines(result.output)
+        raise ModuleError(f"{what} (exit {result.code})" + (f":\n{text}" if text else " without a word"), hint)

@@ -61,7 +61,7 @@ _KINDS = (b"ssh-", b"ecdsa-sha2-", b"sk-")
 def hold(way_in: WayIn, tree: FileSystem, environment: Mapping[str, str]) -> None:
     """Refuse what would lock out the person who asks for it; a run without an SSH session only has its keys checked."""
     result = client(environment)
-    if result is not None and way_in.admit and not _admitted(result.address, way_in.admit):
+    if result is not None and way_in.admit and not _is_admitted(result.address, way_in.admit):
         raise ModuleError(
             f"you work from {result.address}, which could not log in afterwards: SSH would be admitted from "
             f"{', '.join(way_in.admit)} only. Nothing was changed",
@@ -81,7 +81,7 @@ def hold(way_in: WayIn, tree: FileSystem, environment: Mapping[str, str]) -> Non
         )
 
 
-def _admitted(address: str, networks: tuple[str, ...]) -> bool:
+def _is_admitted(address: str, networks: tuple[str, ...]) -> bool:
     try:
         result = ipaddress.ip_address(address)
     except ValueError:

@@ -26,7 +26,7 @@ from typing import Any, Callable, Collection, Mapping, Sequence
 from .errors import ModuleError
 from .programs import last_lines
 from .ssh_access import alone
-from .vpn_management import Closed, Down, ManagementBusy, ManagementSocket, Session, Torn
+from .vpn_management import ConnectionEnd, Down, IncompleteStatus, ManagementBusy, ManagementSocket, Session
 from .vpn_server import ANSWERS, BUSY, DOWN, ManagedServer
 
 _HEARD_S = 0.01
@@ -62,7 +62,7 @@ class Ending:
         try:
             with server.connection(_AT_ONCE_S) as management:
                 return self._find(management)
-        except (Down, ManagementBusy, Closed, Torn):
+        except (Down, ManagementBusy, ConnectionEnd, IncompleteStatus):
             return []
 
     def run(
@@ -80,7 +80,7 @@ class Ending:
                 self.management = ANSWERS
         except Down:
             self.management = DOWN
-        except (ManagementBusy, Closed, Torn) as silent:
+        except (ManagementBusy, ConnectionEnd, IncompleteStatus) as silent:
             self.management = BUSY
             self.messages.append(f"who has a session could not be asked: {silent}")
         finally:
@@ -101,12 +101,12 @@ class Ending:
             if not self.left:
                 break
             replies = {session["cid"]: [management.halt(session["cid"])] for session in self.left}
-            received = time.monotonic() + _HEARD_S
+            deadline = time.monotonic() + _HEARD_S
             step("client told to stop")
             while waits:
                 waits.pop()()
             why = unheard.cover(self.left)
-            time.sleep(max(0.0, received - time.monotonic()))
+            time.sleep(max(0.0, deadline - time.monotonic()))
             if why:
                 self.messages.append(why)
             for session in [] if why else self._silent(management):
@@ -120,11 +120,11 @@ class Ending:
         """Wait until nothing comes from them any more, and give those of whom that is so."""
         before: dict[int, int] = {}
         for _ in range(_LOOKS):
-            found = self._find(management)
-            silent = [item for item in found if before.get(item["cid"]) == item["received"] and peer(item["real"])]
-            if len(silent) == len(found):
+            sessions = self._find(management)
+            silent = [item for item in sessions if before.get(item["cid"]) == item["received"] and peer(item["real"])]
+            if len(silent) == len(sessions):
                 break
-            before = {row["cid"]: row["received"] for row in found}
+            before = {row["cid"]: row["received"] for row in sessions}
             time.sleep(_QUIET_S)
         return silent
 
@@ -137,7 +137,7 @@ class Unheard:
 
     def __init__(self, server: ManagedServer, sessions: Sequence[Session]) -> None:
         self._server = server
-        self._peers = {found for session in sessions if (found := peer(session["real"])) is not None}
+        self._peers = {endpoint for session in sessions if (endpoint := peer(session["real"])) is not None}
         self.holds = False
         """Set by whoever has `text` loaded."""
 
@@ -153,13 +153,15 @@ class Unheard:
 
     def cover(self, sessions: Sequence[Session]) -> str:
         """See that it holds for these; gives why it does not."""
-        peers = {found for session in sessions if (found := peer(session["real"])) is not None}
+        peers = {endpoint for session in sessions if (endpoint := peer(session["real"])) is not None}
         if self.holds and peers <= self._peers:
             return ""
         self._peers |= peers
-        done = self._server.run(["nft", self.text]) if self._peers else None
-        self.holds = done is None or done.code == 0
-        return "" if self.holds or done is None else f"their packets are not kept away: nft: {last_lines(done.output)}"
+        result = self._server.run(["nft", self.text]) if self._peers else None
+        self.holds = result is None or result.code == 0
+        return (
+            "" if self.holds or result is None else f"their packets are not kept away: nft: {last_lines(result.output)}"
+        )
 
     def end(self) -> None:
         """Let them be heard again."""
@@ -195,14 +197,14 @@ class Forgetting:
         environment: dict[str, Any] = dict(os.environ, LC_ALL="C.UTF-8", PATH=_PATH)
         try:
             for words in self._words:
-                made = subprocess.Popen(  # noqa: S603 - our own words
+                process = subprocess.Popen(  # noqa: S603 - our own words
                     words,
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.PIPE,
                     env=environment,
                 )
-                self._started.append(made)
+                self._started.append(process)
         except OSError as error:
             self.messages.append(f"open connections were not forgotten: conntrack: {error.strerror}")
         return self
@@ -246,7 +248,7 @@ def revoke(
     """Do it. `files`: list and ruleset, as far as they change. Gives `steps`, `ended`, and what `verify` gives."""
     act = _Act()
     server.must_be()
-    given = {file["path"]: file for file in files}
+    file_by_path = {file["path"]: file for file in files}
     ending = Ending(common_names, addresses)
     with contextlib.ExitStack() as stack:
         try:
@@ -255,31 +257,31 @@ def revoke(
             # Whoever holds it may put older files back, which the second look tells. To wait for him would be worse.
             act.messages.append(busy.message)
         unheard = Unheard(server, ending.look(server))
-        listed = given.get(server.place.crl)
+        crl_file = file_by_path.get(server.place.crl)
         # Whose list is older than the server's has a ruleset from the same record: it would let the revoked pass.
-        current = act.dare(_hold_list, server, listed)
-        ruleset = given.get(server.place.firewall) if current else None
+        current = act.dare(_hold_list, server, crl_file)
+        ruleset = file_by_path.get(server.place.firewall) if current else None
         closing = threading.Thread(target=act.dare, args=(_close, server, ruleset, addresses, unheard))
         closing.start()
-        if current and act.dare(_put_list, server, listed):
+        if current and act.dare(_put_list, server, crl_file):
             act.step("list in place")
         for name in common_names:
             act.dare(server.tree.remove, server.place.admission(name))
         act.step("no longer admitted")
 
-        def closed() -> None:
+        def wait_for_closing() -> None:
             closing.join()
             act.step("firewall closed")
 
-        ending.run(server, unheard, closed, act.step)
+        ending.run(server, unheard, wait_for_closing, act.step)
         with Forgetting(addresses) as forgetting:
             act.dare(_keep, server, ruleset)
             act.step("safe on the disk")
-            digests = {path: _digest(file["content"].encode()) for path, file in given.items()}
-            found = verify(server, common_names, addresses, digests, (ending.management, ending.left))
+            digests = {path: _digest(file["content"].encode()) for path, file in file_by_path.items()}
+            verification = verify(server, common_names, addresses, digests, (ending.management, ending.left))
     act.step("verified")
-    result = [*act.messages, *ending.messages, *forgetting.messages, *found["told"]]
-    return {**found, "steps": act.steps, "ended": ending.ended, "told": result}
+    result = [*act.messages, *ending.messages, *forgetting.messages, *verification["told"]]
+    return {**verification, "steps": act.steps, "ended": ending.ended, "told": result}
 
 
 def _hold_list(server: ManagedServer, file: Mapping[str, Any] | None) -> None:
@@ -343,14 +345,14 @@ def verify(
     """Look whether they are out. `files`: SHA-256 of what must be in place. `looked`: who is known to have a session.
 
     Gives `out` (nobody of them can come in, and nothing of theirs passes), `dead` (nobody of them has a session, by the
-    server's own word), `left` (what is wrong, in words), `told`, and `management` (what the socket does).
+    server's own word), `problems` (what is wrong, in words), `told`, and `management` (what the socket does).
     """
     management, sessions = result if result is not None else server.sessions()[:2]
-    left = [f"{name} is admitted" for name in server.admitted() if name in common_names]
+    problems = [f"{name} is admitted" for name in server.list_admitted_names() if name in common_names]
     for path, digest in files.items():
         if _digest(server.tree.read(path) or b"") != digest:
-            left.append(f"{path} is not what it has to be")
-    left += _passing(server, addresses) if addresses else []
+            problems.append(f"{path} is not what it has to be")
+    problems += _passing(server, addresses) if addresses else []
     there = [
         f"{their['common_name']} has a session from {their['real']}"
         for their in theirs(sessions, common_names, addresses)
@@ -362,9 +364,9 @@ def verify(
         silent = "does not answer" if management == BUSY else "has no management socket, and is not known to be down"
         data.append(f"no session is confirmed dead: the server {silent}")
     return {
-        "out": not left,
+        "out": not problems,
         "dead": dead and not there,
-        "left": left + there,
+        "left": problems + there,
         "told": data,
         "management": management,
     }

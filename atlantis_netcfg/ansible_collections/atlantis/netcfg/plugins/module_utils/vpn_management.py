@@ -22,36 +22,36 @@ Session = Dict[str, Any]
 _KIND = "CLIENT_LIST"
 
 
-class Torn(Exception):
+class IncompleteStatus(Exception):
     """The text is no status of version 3, or not the whole of one."""
 
 
 def rows(lines: Iterable[str], kind: str = _KIND) -> Iterator[dict[str, str]]:
-    """The rows of a kind, by the names of their columns. Raises `Torn`."""
+    """The rows of a kind, by the names of their columns. Raises `IncompleteStatus`."""
     names: list[str] | None = None
-    ended = False
+    has_end = False
     for line in lines:
         first, *fields = line.rstrip("\r\n").split("\t")
         if first == "HEADER" and fields[:1] == [kind]:
             names = fields[1:]
         elif first == kind:
             if names is None or len(fields) != len(names):
-                raise Torn(f"a row of {kind} is not as its header: {line[:200]!r}")
+                raise IncompleteStatus(f"a row of {kind} is not as its header: {line[:200]!r}")
             yield dict(zip(names, fields))
-        ended = ended or first == END
-    if names is None or not ended:
-        raise Torn("the status has no end" if names is not None else f"the status has no header of {kind}")
+        has_end = has_end or first == END
+    if names is None or not has_end:
+        raise IncompleteStatus("the status has no end" if names is not None else f"the status has no header of {kind}")
 
 
 def sessions(lines: Iterable[str]) -> list[Session]:
-    """Everybody who has a session. Raises `Torn`."""
+    """Everybody who has a session. Raises `IncompleteStatus`."""
     try:
         return [_session(row) for row in rows(lines)]
     except (KeyError, ValueError) as error:
-        raise Torn(f"a row of {_KIND} is not as it should be: {error}") from error
+        raise IncompleteStatus(f"a row of {_KIND} is not as it should be: {error}") from error
 
 
-def written(lines: Iterable[str]) -> int:
+def parse_status_time(lines: Iterable[str]) -> int:
     """When a status was written, in seconds since 1970; 0: it does not tell."""
     times = [line.rstrip("\r\n").split("\t") for line in lines if line.startswith("TIME\t")]
     return int(times[0][2]) if times and len(times[0]) > 2 and times[0][2].isdigit() else 0  # noqa: PLR2004 - TIME, words, seconds
@@ -83,19 +83,19 @@ class ManagementBusy(Exception):
     """Somebody listens and says nothing: another client has it, or the server hangs."""
 
 
-class Closed(Exception):
+class ConnectionEnd(Exception):
     """The server has ended the conversation: it went down, or does not take this user for its client."""
 
 
 class ManagementSocket:
-    """A session of the server's socket. Raises `ManagementBusy` when a reply is late, `Closed` when it ends."""
+    """A session of the server's socket. Raises `ManagementBusy` when a reply is late, `ConnectionEnd` when it ends."""
 
-    def __init__(self, connected: socket.socket, patience_s: float) -> None:
-        self._socket = connected
+    def __init__(self, connection: socket.socket, patience_s: float) -> None:
+        self._socket = connection
         self._patience_s = patience_s
         self._buffer = b""
 
-    def greeted(self) -> None:
+    def wait_for_greeting(self) -> None:
         """Wait for the greeting, which only the one client gets that is served."""
         end = time.monotonic() + self._patience_s
         while not self._line(end).startswith(_GREETING):
@@ -109,7 +109,7 @@ class ManagementSocket:
         while True:
             line = self._word(end)
             if line.startswith("ERROR:"):
-                raise Closed(f"the server does not tell its status: {line}")
+                raise ConnectionEnd(f"the server does not tell its status: {line}")
             lines.append(line)
             if line == END:
                 return sessions(lines)
@@ -143,7 +143,7 @@ class ManagementSocket:
         try:
             self._socket.sendall(command.encode() + b"\n")
         except OSError as error:
-            raise Closed(f"the server has closed its management socket: {error.strerror or error}") from error
+            raise ConnectionEnd(f"the server has closed its management socket: {error.strerror or error}") from error
 
     def _word(self, end: float) -> str:
         """The next line that is no notice: those begin with `>` and come at any time."""
@@ -160,26 +160,28 @@ class ManagementSocket:
             try:
                 got = self._socket.recv(_CHUNK)
             except OSError as error:
-                raise Closed(f"the server has closed its management socket: {error.strerror or error}") from error
+                raise ConnectionEnd(
+                    f"the server has closed its management socket: {error.strerror or error}"
+                ) from error
             if not got:
-                raise Closed("the server has closed its management socket")
+                raise ConnectionEnd("the server has closed its management socket")
             self._buffer += got
         line, _, self._buffer = self._buffer.partition(b"\n")
         return line.rstrip(b"\r").decode(errors="replace")
 
 
 @contextlib.contextmanager
-def opened(path: str, patience_s: float) -> Iterator[ManagementSocket]:
+def open_socket(path: str, patience_s: float) -> Iterator[ManagementSocket]:
     """Connect, without waiting for the greeting. Raises `Down` when nobody listens."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as made:
-        made.settimeout(patience_s)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(patience_s)
         try:
-            made.connect(_short(path))
+            connection.connect(_short(path))
         except (FileNotFoundError, ConnectionRefusedError) as error:
             raise Down(f"nobody listens on {path}") from error
         except OSError as error:  # a full backlog among them: clients that wait before this one
             raise ManagementBusy(f"{path} takes no connection: {error.strerror or error}") from error
-        yield ManagementSocket(made, patience_s)
+        yield ManagementSocket(connection, patience_s)
 
 
 def _short(path: str) -> str:

@@ -48,7 +48,7 @@ def look(server: ManagedServer) -> dict[str, Any]:
         "package": _package(server),
         "unit": server.unit(),
         **sessions(server),
-        **seen(server),
+        **read_last_seen(server),
     }
 
 
@@ -61,13 +61,13 @@ def sessions(server: ManagedServer) -> dict[str, Any]:
     return {"management": management, "sessions": rows, "at": at, "why": why}
 
 
-def seen(server: ManagedServer) -> dict[str, Any]:
+def read_last_seen(server: ManagedServer) -> dict[str, Any]:
     """When each common name was last seen, as the server's timer has noted it."""
     try:
-        noted = json.loads(server.tree.read(server.place.seen) or b"null")
+        data = json.loads(server.tree.read(server.place.seen) or b"null")
     except ValueError:
-        noted = None
-    return {"seen": noted if isinstance(noted, dict) else None}
+        data = None
+    return {"seen": data if isinstance(data, dict) else None}
 
 
 def _list(server: ManagedServer) -> dict[str, Any] | None:
@@ -75,7 +75,7 @@ def _list(server: ManagedServer) -> dict[str, Any] | None:
     crl, pem = server.crl(), server.tree.read(server.place.crl)
     if crl is None or pem is None:
         return None
-    values = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.signed}
+    values = {"number": crl.number, "begins": crl.begins, "ends": crl.ends, "signed": crl.is_signed}
     return {**values, "pem": pem.decode(errors="replace")}
 
 
@@ -112,8 +112,8 @@ def _version(server: ManagedServer) -> str | None:
 
 
 def _package(server: ManagedServer) -> str | None:
-    done = server.run(["dpkg-query", "-W", "-f", "${Version}", "openvpn"])
-    return done.output.strip() if done.code == 0 else None
+    result = server.run(["dpkg-query", "-W", "-f", "${Version}", "openvpn"])
+    return result.output.strip() if result.code == 0 else None
 
 
 def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequence[str]) -> dict[str, Any]:
@@ -130,18 +130,18 @@ def push(server: ManagedServer, files: Sequence[Mapping[str, Any]], only: Sequen
             return {"lacks": lacks, "changes": [], "ended": [], "told": []}
         values = {"files": whole, "only": list(only)}
         wishes = DesiredState.of(values)
-        left = strays(server.tree, wishes)
-        wishes = DesiredState.of({**values, "absent": left})
+        stray_paths = strays(server.tree, wishes)
+        wishes = DesiredState.of({**values, "absent": stray_paths})
         contents = {file.path: file.data for file in wishes.files}
         _hold_list(server, contents.get(server.place.crl))
-        before = set(server.admitted())
+        before = set(server.list_admitted_names())
         placing = FileTransaction(server.tree, wishes, server.run)
         placing.place()
-        clear(server.tree, wishes, left)
+        clear(server.tree, wishes, stray_paths)
         changes = [*placing.changes(), *_load(server, contents.get(server.place.firewall)), *_redirects(server)]
-        gone = before - set(server.admitted())
-        ending = Ending(gone)
-        if gone:
+        removed_names = before - set(server.list_admitted_names())
+        ending = Ending(removed_names)
+        if removed_names:
             ending.run(server, Unheard(server, ()))
     return {"lacks": [], "changes": changes, "ended": ending.ended, "told": ending.messages}
 
@@ -190,19 +190,19 @@ MARK = "ATLANTIS-VPN "
 _DOES: dict[str, Callable[..., dict[str, Any]]] = {
     "look": look,
     "sessions": sessions,
-    "seen": seen,
+    "seen": read_last_seen,
     "push": push,
     "revoke": revoke,
     "verify": verify,
 }
 
 
-def packed(values: dict[str, Any]) -> bytes:
+def pack_line(values: dict[str, Any]) -> bytes:
     """A line without its end."""
     return base64.b64encode(zlib.compress(json.dumps(values, separators=(",", ":")).encode(), 6))
 
 
-def unpacked(line: bytes) -> dict[str, Any]:
+def unpack_line(line: bytes) -> dict[str, Any]:
     """What such a line holds. Raises ValueError for one that is torn."""
     try:
         result = json.loads(zlib.decompress(base64.b64decode(line, validate=True)).decode())
@@ -224,10 +224,10 @@ def main() -> None:
 def _answer(line: bytes) -> dict[str, Any]:
     number = None
     try:
-        requested = unpacked(line)
-        number = requested.pop("id")
-        server = ManagedServer(ServerPlace(**requested.pop("place")))
-        return {"id": number, "done": _DOES[requested.pop("do")](server, **requested)}
+        request = unpack_line(line)
+        number = request.pop("id")
+        server = ManagedServer(ServerPlace(**request.pop("place")))
+        return {"id": number, "done": _DOES[request.pop("do")](server, **request)}
     except ModuleError as refused:
         return {"id": number, "refused": refused.message, "hint": refused.hint}
     except OSError as error:
@@ -238,5 +238,5 @@ def _answer(line: bytes) -> dict[str, Any]:
 
 
 def _tell(values: dict[str, Any]) -> None:
-    sys.stdout.buffer.write(MARK.encode() + packed(values) + b"\n")
+    sys.stdout.buffer.write(MARK.encode() + pack_line(values) + b"\n")
     sys.stdout.buffer.flush()

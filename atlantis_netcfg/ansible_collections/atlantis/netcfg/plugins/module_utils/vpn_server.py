@@ -22,8 +22,18 @@ from typing import Any, Callable, Iterable, Iterator
 
 from .errors import ModuleError
 from .filesystem import FileSystem, Stamps
-from .programs import Done, last_lines, run
-from .vpn_management import Closed, Down, ManagementBusy, ManagementSocket, Session, Torn, opened, sessions, written
+from .programs import ProgramResult, last_lines, run
+from .vpn_management import (
+    ConnectionEnd,
+    Down,
+    IncompleteStatus,
+    ManagementBusy,
+    ManagementSocket,
+    Session,
+    open_socket,
+    parse_status_time,
+    sessions,
+)
 
 _SERIAL = re.compile(r"^ +Serial Number: ([0-9A-F]+)$", re.MULTILINE)
 _HINT = "`provision vpn status` tells what is wrong with the authority's own list"
@@ -36,25 +46,27 @@ class Crl:
     number: int
     begins: int
     ends: int
-    signed: bool
+    is_signed: bool
     """By the authority that this server takes its members from."""
     serials: frozenset[str] = frozenset()
     """Of the revoked certificates, in hex."""
 
 
-def read(path: str, ca: str, run: Callable[[list[str]], Done]) -> Crl | None:
+def read(path: str, ca: str, run: Callable[[list[str]], ProgramResult]) -> Crl | None:
     """Read a list; None: it is no list, or none is there."""
     words = ["openssl", "crl", "-in", path, "-noout", "-text", "-crlnumber", "-lastupdate", "-nextupdate"]
-    done = run([*words, "-verify", "-CAfile", ca])
-    if done.code != 0:  # it has not even found the issuer's certificate
-        done = run(words)
-    values = dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
+    result = run([*words, "-verify", "-CAfile", ca])
+    if result.code != 0:  # it has not even found the issuer's certificate
+        result = run(words)
+    values = dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
     try:
         number = int(values["crlNumber"], 16)
         begins, ends = (_seconds(values[name]) for name in ("lastUpdate", "nextUpdate"))
     except (KeyError, ValueError):
         return None
-    return Crl(number, begins, ends, "verify OK" in done.output.splitlines(), frozenset(_SERIAL.findall(done.output)))
+    return Crl(
+        number, begins, ends, "verify OK" in result.output.splitlines(), frozenset(_SERIAL.findall(result.output))
+    )
 
 
 def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
@@ -64,13 +76,13 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
     """
     if new is None:
         raise ModuleError("the new list of revoked certificates cannot be read", _HINT)
-    if not new.signed:
+    if not new.is_signed:
         raise ModuleError(
             "the new list of revoked certificates is of another authority than this server: OpenVPN would let every "
             "revoked member in",
             "the server was set up by another authority: `provision site=…` brings this one's",
         )
-    if old is not None and old.signed and new != old:
+    if old is not None and old.is_signed and new != old:
         _follow(new, old)
     if new.begins > now:
         raise ModuleError(
@@ -88,14 +100,14 @@ def accept(new: Crl | None, old: Crl | None, now: float) -> Crl:
 
 
 def _follow(new: Crl, old: Crl) -> None:
-    lost = len(old.serials - new.serials)
-    if new.number > old.number and not lost:
+    lost_count = len(old.serials - new.serials)
+    if new.number > old.number and not lost_count:
         return
     why = f"has number {new.number}, and the server has number {old.number}"
     if new.number == old.number:
         why = f"has number {new.number}, as the server's, and is another one"
     elif new.number > old.number:
-        why = f"lacks {lost} of the certificates that are revoked on the server"
+        why = f"lacks {lost_count} of the certificates that are revoked on the server"
     raise ModuleError(
         f"the new list of revoked certificates {why}: with it a revoked member would come back",
         f"this is not the newest copy of the authority: find the one with which list {old.number} was made; "
@@ -122,22 +134,22 @@ class Firewall:
     place: ServerPlace
     tree: FileSystem
     stamps: Stamps
-    run: Callable[[list[str]], Done]
+    run: Callable[[list[str]], ProgramResult]
 
     def load(self, content: bytes, source: str) -> None:
         """Load `source`, a file with that content, and note it where the role's unit would. Raises `ModuleError`."""
-        name, desired = self._stamp(content)
-        self.stamps.begin(name, desired)
+        name, digests = self._stamp(content)
+        self.stamps.begin(name, digests)
         self.load_only(source)
-        self.stamps.note(name, desired)
+        self.stamps.note(name, digests)
 
     def load_only(self, source: str, also: str = "") -> None:
         """Load a file, and in the same act other words of nft, without a note."""
-        done = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
-        if done.code != 0:
+        result = self.run(["nft", f'include "{source}"\n{also}'] if also else ["nft", "-f", source])
+        if result.code != 0:
             raise ModuleError(
-                f"the firewall of the VPN could not be loaded, and is what it was (exit {done.code}):\n"
-                f"{last_lines(done.output)}",
+                f"the firewall of the VPN could not be loaded, and is what it was (exit {result.code}):\n"
+                f"{last_lines(result.output)}",
                 "on the server: `nft -c -f` and the file's name tells more",
             )
 
@@ -154,43 +166,43 @@ class Firewall:
         for address in addresses:
             self.run(["nft", "delete", "element", *self.place.table.split(), self.place.members, f"{{ {address} }}"])
 
-    def loaded(self) -> list[dict[str, Any]] | None:
+    def read_table(self) -> list[dict[str, Any]] | None:
         """The table as the kernel has it; None: it has none. Raises `ModuleError` where nft does not answer."""
-        done = self.run(["nft", "-j", "-s", "list", "table", *self.place.table.split()])
-        return _objects(done)
+        result = self.run(["nft", "-j", "-s", "list", "table", *self.place.table.split()])
+        return _objects(result)
 
     def members(self) -> list[str] | None:
         """Networks whose members are admitted, from the kernel; None: there is no such set."""
-        done = self.run(["nft", "-j", "list", "set", *self.place.table.split(), self.place.members])
-        found = _objects(done)
-        sets = [row["set"] for row in found or () if "set" in row]
+        result = self.run(["nft", "-j", "list", "set", *self.place.table.split(), self.place.members])
+        objects = _objects(result)
+        sets = [row["set"] for row in objects or () if "set" in row]
         return sorted(network for item in sets for network in _networks(item.get("elem", ()))) if sets else None
 
     def is_as(self, path: str) -> bool | None:
         """Whether the kernel's table is what a file makes in an empty network; None: that could not be tried."""
-        here = self.loaded()
+        here = self.read_table()
         if here is None:
             return False
         table = " ".join(self.place.table.split())
         script = f'nft -f "$1" && nft -j -s list table {table}'
-        done = self.run(["unshare", "--net", "sh", "-c", script, "sh", path])
-        if done.code != 0:
+        result = self.run(["unshare", "--net", "sh", "-c", script, "sh", path])
+        if result.code != 0:
             return None
-        return bool(_plain(here) == _plain(_objects(done)))
+        return bool(_plain(here) == _plain(_objects(result)))
 
     def _stamp(self, content: bytes) -> tuple[str, dict[str, str]]:
         return f"unit {self.place.firewall_unit}", {self.place.firewall: hashlib.sha256(content).hexdigest()}
 
 
-def _objects(done: Done) -> list[dict[str, Any]] | None:
-    if done.code != 0:
-        if "No such file or directory" in done.output:
+def _objects(result: ProgramResult) -> list[dict[str, Any]] | None:
+    if result.code != 0:
+        if "No such file or directory" in result.output:
             return None
-        raise ModuleError(f"nft does not answer (exit {done.code}):\n{last_lines(done.output)}", "install nftables")
+        raise ModuleError(f"nft does not answer (exit {result.code}):\n{last_lines(result.output)}", "install nftables")
     try:
-        return list(json.loads(done.output)["nftables"])
+        return list(json.loads(result.output)["nftables"])
     except (ValueError, KeyError, TypeError) as error:
-        raise ModuleError(f"nft answers what is no JSON: {last_lines(done.output)}", "") from error
+        raise ModuleError(f"nft answers what is no JSON: {last_lines(result.output)}", "") from error
 
 
 def _networks(elements: Iterable[Any]) -> list[str]:
@@ -208,19 +220,19 @@ def _networks(elements: Iterable[Any]) -> list[str]:
     return result
 
 
-def _plain(found: Any) -> Any:  # noqa: ANN401 - JSON
+def _plain(data: Any) -> Any:  # noqa: ANN401 - JSON
     """Without what differs from load to load: numbers of the kernel, counts, and the order of elements."""
-    if isinstance(found, dict):
-        plain = {key: _plain(value) for key, value in found.items() if key not in _VOLATILE}
+    if isinstance(data, dict):
+        plain = {key: _plain(value) for key, value in data.items() if key not in _VOLATILE}
         if isinstance(plain.get("elem"), list):
             plain["elem"] = sorted(plain["elem"], key=lambda entry: json.dumps(entry, sort_keys=True))
         return plain
-    return [_plain(item) for item in found] if isinstance(found, list) else found
+    return [_plain(item) for item in data] if isinstance(data, list) else data
 
 
 ANSWERS, BUSY, DOWN = "answers", "held", "down"
 """What the management socket does; `held`: another client has it, or the server hangs."""
-_SILENT = (ManagementBusy, Closed, Torn)
+_SILENT = (ManagementBusy, ConnectionEnd, IncompleteStatus)
 _CONF = "/proc/sys/net/ipv4/conf"
 
 
@@ -230,7 +242,7 @@ class ManagedServer:
 
     place: ServerPlace
     tree: FileSystem = field(default_factory=FileSystem)
-    run: Callable[[list[str]], Done] = run
+    run: Callable[[list[str]], ProgramResult] = run
     now: Callable[[], float] = time.time
 
     @property
@@ -251,7 +263,7 @@ class ManagedServer:
                 "`provision site=…` does that; then type the same again",
             )
 
-    def admitted(self) -> list[str]:
+    def list_admitted_names(self) -> list[str]:
         """The common names that have a file, whatever is in it."""
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
             return sorted(name for name in os.listdir(self.tree.at(self.place.ccd)) if not name.startswith("."))  # noqa: PTH208 - names are wanted
@@ -285,10 +297,10 @@ class ManagedServer:
 
     @contextlib.contextmanager
     def connection(self, patience_s: float | None = None) -> Iterator[ManagementSocket]:
-        """A conversation with the server. Raises `Down`, `ManagementBusy`, `Closed`."""
+        """A conversation with the server. Raises `Down`, `ManagementBusy`, `ConnectionEnd`."""
         patience_s = self.place.patience_s if patience_s is None else patience_s
-        with opened(self.tree.at(self.place.socket), patience_s) as management:
-            management.greeted()
+        with open_socket(self.tree.at(self.place.socket), patience_s) as management:
+            management.wait_for_greeting()
             yield management
 
     def sessions(self) -> tuple[str, list[Session], str]:
@@ -305,17 +317,17 @@ class ManagedServer:
         """Who had a session when the status file was written, and when that was; time 0: it cannot be read."""
         lines = (self.tree.read(self.place.status) or b"").decode(errors="replace").splitlines()
         try:
-            return sessions(lines), written(lines)
-        except Torn:
+            return sessions(lines), parse_status_time(lines)
+        except IncompleteStatus:
             return [], 0
 
     def unit(self) -> dict[str, str]:
         """What systemd tells of the unit; empty: it tells nothing."""
-        desired = "LoadState,ActiveState,SubState,MainPID"
-        done = self.run(["systemctl", "show", "--property", desired, "--", self.place.unit])
-        if done.code != 0:
+        properties = "LoadState,ActiveState,SubState,MainPID"
+        result = self.run(["systemctl", "show", "--property", properties, "--", self.place.unit])
+        if result.code != 0:
             return {}
-        return dict(line.split("=", 1) for line in done.output.splitlines() if "=" in line)
+        return dict(line.split("=", 1) for line in result.output.splitlines() if "=" in line)
 
     def is_down(self) -> bool:
         """Whether the server surely does not run, so that nobody can have a session: its socket alone does not tell."""

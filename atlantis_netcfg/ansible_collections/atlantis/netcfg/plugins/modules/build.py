@@ -119,12 +119,12 @@ def main() -> None:
     """Run the module."""
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     data = module.params
-    declared = {name: data[name] for name in ("library", "examples") if data[name] is not None}
-    repositories = {name: Repository(entry["url"], entry["revision"]) for name, entry in declared.items()}
+    parameters_by_name = {name: data[name] for name in ("library", "examples") if data[name] is not None}
+    repositories = {name: Repository(entry["url"], entry["revision"]) for name, entry in parameters_by_name.items()}
     build = Build(
         repositories["library"],
         repositories.get("examples"),
-        {name: item["token"] for name, item in declared.items()},
+        {name: item["token"] for name, item in parameters_by_name.items()},
         data["ros_setup"],
         data["jobs"],
         data["offline"],

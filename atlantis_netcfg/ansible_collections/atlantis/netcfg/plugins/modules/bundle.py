@@ -84,11 +84,11 @@ class StoredFile:
 
 
 @dataclass(frozen=True)
-class BundleSettled:
+class BundleStatus:
     """How it stands: `ready` when the bundle is whole, else the `missing` content, by SHA-256."""
 
     ready: bool
-    known: bool
+    is_known: bool
     """Whether the files of the bundle were told, now or earlier."""
     missing: tuple[str, ...]
     changes: tuple[str, ...]
@@ -107,7 +107,7 @@ class BundleStore:
         """Where the archive of what is missing goes to."""
         return os.path.join(self._incoming, f"{name}.tar")
 
-    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> BundleSettled:
+    def settle(self, name: str, files: tuple[StoredFile, ...] | None, *, check: bool) -> BundleStatus:
         """Take in what has arrived, and put the bundle together once nothing is missing. Raises ModuleError.
 
         `files` None: those that were told when the bundle was put together. `check`: change nothing.
@@ -115,18 +115,18 @@ class BundleStore:
         with _words(self.folder):
             result = files if files is not None else self._listed_files(name)
             if result is None:
-                return BundleSettled(False, False, (), ())
+                return BundleStatus(False, False, (), ())
             if self._whole(name, result):
-                return BundleSettled(True, True, (), () if check else tuple(self._prune(name, result)))
+                return BundleStatus(True, True, (), () if check else tuple(self._prune(name, result)))
             if not check:
                 self._ready()
                 self._take_in({entry.sha256: entry for entry in result})
             missing = tuple(sorted({entry.sha256 for entry in result if not self._has(entry, check=check)}))
             if missing or check:
                 self._refuse_if_full({item.sha256: item.size for item in result if item.sha256 in missing})
-                return BundleSettled(False, True, missing, ())
+                return BundleStatus(False, True, missing, ())
             self._compose(name, result)
-            return BundleSettled(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
+            return BundleStatus(True, True, (), (f"bundle {name} put together", *self._prune(name, result)))
 
     def _listed_files(self, name: str) -> tuple[StoredFile, ...] | None:
         try:
@@ -148,7 +148,7 @@ class BundleStore:
             if os.lstat(place).st_uid != owner:
                 os.chown(place, owner, -1, follow_symlinks=False)
 
-    def _take_in(self, desired: Mapping[str, StoredFile]) -> None:
+    def _take_in(self, files_by_hash: Mapping[str, StoredFile]) -> None:
         """Move what has arrived into the store, file by file; then the archives go."""
         for entry in sorted(os.listdir(self._incoming)):
             path = os.path.join(self._incoming, entry)
@@ -156,7 +156,7 @@ class BundleStore:
                 os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb"
             ) as file, tarfile.open(fileobj=file, mode="r|") as archive:
                 for member in archive:
-                    item = desired.get(member.name)
+                    item = files_by_hash.get(member.name)
                     content = archive.extractfile(member) if item is not None else None
                     if item is not None and content is not None and not self._has(item, check=False):
                         self._keep(item, content)
@@ -196,10 +196,10 @@ class BundleStore:
         place = self.folder
         while not os.path.isdir(place):
             place = os.path.dirname(place)
-        needed, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
-        if missing and free < needed:
+        needed_bytes, free = 2 * sum(missing.values()) + _ROOM, shutil.disk_usage(place).free
+        if missing and free < needed_bytes:
             raise ModuleError(
-                f"the bundle needs {needed / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
+                f"the bundle needs {needed_bytes / 1e6:.0f} MB on the computer, and {free / 1e6:.0f} MB are free",
                 "make room, for example by `apt-get clean` and `journalctl --vacuum-size=50M`; `df -h` tells where",
             )
 
@@ -221,7 +221,7 @@ class BundleStore:
 
     def _prune(self, name: str, result: tuple[StoredFile, ...]) -> Iterator[str]:
         """Remove older bundles, and whatever belongs to none."""
-        kept = {item.sha256 for item in result}
+        needed_hashes = {item.sha256 for item in result}
         for entry in sorted(os.listdir(self.folder)):
             path = os.path.join(self.folder, entry)
             if entry in (name, _STORE, _INCOMING):
@@ -229,7 +229,7 @@ class BundleStore:
             shutil.rmtree(path)
             if not entry.startswith("."):
                 yield f"bundle {entry} removed"
-        for place, stays in ((self._store, kept), (self._incoming, set())):
+        for place, stays in ((self._store, needed_hashes), (self._incoming, set())):
             for entry in os.listdir(place):
                 if entry not in stays:
                     os.unlink(os.path.join(place, entry))
@@ -281,16 +281,16 @@ def main() -> None:
     owner = os.environ.get("SUDO_UID", "")
     store = BundleStore(FOLDER, int(owner) if owner.isdigit() else None)
     try:
-        settled = store.settle(name, files, check=module.check_mode)
+        status = store.settle(name, files, check=module.check_mode)
     except ModuleError as why:
         module.fail_json(msg=why.message, hint=why.hint, changes=[])
         return
     module.exit_json(
-        changed=bool(settled.changes),
-        changes=list(settled.changes),
-        ready=settled.ready,
-        known=settled.known,
-        missing=list(settled.missing),
+        changed=bool(status.changes),
+        changes=list(status.changes),
+        ready=status.ready,
+        known=status.is_known,
+        missing=list(status.missing),
         path=f"{FOLDER}/{name}",
         upload=store.upload(name),
     )

@@ -45,7 +45,7 @@ from typing import Callable
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
-from ..module_utils.programs import Done, is_there, run
+from ..module_utils.programs import ProgramResult, is_there, run
 
 TOLERANCE_S = 300
 """More than a question may be under way: a satellite may be silent for 70 s, and ssh repeats itself after it."""
@@ -63,7 +63,7 @@ class Clock:
         check: bool = False,
         read: Callable[[], float] = time.time,
         write: Callable[[float], None] = lambda now: time.clock_settime(time.CLOCK_REALTIME, now),
-        run: Callable[[list[str]], Done] = run,
+        run: Callable[[list[str]], ProgramResult] = run,
     ) -> None:
         self.check = check
         self.read = read

@@ -234,16 +234,16 @@ class Module(AnsibleModule):  # type: ignore[misc]  # ansible-core ships no type
 def main() -> None:
     """Run the module."""
     module = Module(ARGUMENTS, supports_check_mode=True)
-    done: list[str] = []
+    changes: list[str] = []
     try:
         configure = Configure(FileSystem(), DesiredState.of(module.params), check=module.check_mode)
-        done = configure.changes
+        changes = configure.changes
         configure.converge(os.environ)
     except ModuleError as refused:
-        module.fail_json(msg=refused.message, hint=refused.hint, changes=done, changed=bool(done))
+        module.fail_json(msg=refused.message, hint=refused.hint, changes=changes, changed=bool(changes))
     module.exit_json(
-        changed=bool(done),
-        changes=done,
+        changed=bool(changes),
+        changes=changes,
         notes=configure.notes,
         findings=[finding for finding, _ in configure.findings],
         hint=next((hint for _, hint in configure.findings if hint), None),

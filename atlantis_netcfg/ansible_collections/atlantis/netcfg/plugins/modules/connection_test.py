@@ -68,7 +68,7 @@ from ansible.module_utils.basic import AnsibleModule
 from ..module_utils.build_messages import last_words
 from ..module_utils.errors import ModuleError
 from ..module_utils.filesystem import FileSystem, Stamps
-from ..module_utils.programs import Done, run
+from ..module_utils.programs import ProgramResult, run
 
 _STAMP = "connection test"
 _STILL_RUNS = 124
@@ -100,34 +100,34 @@ class SmokeTest:
     """The VPN's: without an address on it nothing can be connected."""
     seconds: int
 
-    def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], Done] = run) -> TestVerdict:
+    def judge(self, tree: FileSystem, *, check: bool, run: Callable[[list[str]], ProgramResult] = run) -> TestVerdict:
         """INCONCLUSIVE, or SKIP with its reason. Raises ModuleError where the program fails."""
         name = os.path.basename(self.program)
-        stamps, desired = Stamps(tree), self._digests(tree)
-        if stamps.holds(_STAMP, desired):
+        stamps, digests = Stamps(tree), self._digests(tree)
+        if stamps.holds(_STAMP, digests):
             return TestVerdict(
                 "SKIP", f"{name} has been started with this build and this configuration before", worth=False
             )
         if check:
             return TestVerdict("SKIP", f"{name} is not started by a plan", worth=False)
-        done = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
-        if done.code != 0 or " inet " not in done.output:
+        result = run(["ip", "-4", "-oneline", "address", "show", "dev", self.interface])
+        if result.code != 0 or " inet " not in result.output:
             words = f"{name} was not started: {self.interface}, the VPN's interface, has no address yet"
             return TestVerdict("SKIP", words, worth=True)
         for path in (self.program, self.config):
             if tree.find(path) is None:
                 raise ModuleError(f"the build has no {path}", "compare `connection_test:` with the partner's examples")
-        done = run(self._command(tree))
-        if done.code not in (0, _STILL_RUNS):
+        result = run(self._command(tree))
+        if result.code not in (0, _STILL_RUNS):
             raise ModuleError(
-                f"FAIL: {name} ended with {done.code} after its start:\n{last_words(done.output)}",
+                f"FAIL: {name} ended with {result.code} after its start:\n{last_words(result.output)}",
                 "the server C4i and its interface to ROS have to run at the SCC; the partner who made the example can"
                 " read its words",
             )
-        stamps.note(_STAMP, desired)
-        ran = f"ran for {self.seconds} s" if done.code == _STILL_RUNS else "ran, and ended by itself,"
-        seen = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
-        return TestVerdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {seen}", worth=True)
+        stamps.note(_STAMP, digests)
+        ran = f"ran for {self.seconds} s" if result.code == _STILL_RUNS else "ran, and ended by itself,"
+        remark = "whether TEST_ROBOT is connected at the SCC, only a person there can see"
+        return TestVerdict("INCONCLUSIVE", f"INCONCLUSIVE: {name} {ran} without an error; {remark}", worth=True)
 
     def _command(self, tree: FileSystem) -> list[str]:
         command = ["systemd-run", "--quiet", "--collect", "--wait", "--pipe", f"--uid={self.user}"]

@@ -83,14 +83,14 @@ class Setting:
     value: str
 
 
-def contradicting(tree: FileSystem, desired: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
+def contradicting(tree: FileSystem, variables: Mapping[str, str], ours: frozenset[str]) -> list[Setting]:
     """Every place outside the files `ours` that sets one of these variables to another value than the wanted one."""
     return [
         setting
-        for path in (_places(tree) if desired else ())
+        for path in (_places(tree) if variables else ())
         if path not in ours
-        for setting in settings(path, (tree.read(path) or b"").decode(errors="replace"), desired)
-        if setting.value != desired[setting.name]
+        for setting in settings(path, (tree.read(path) or b"").decode(errors="replace"), variables)
+        if setting.value != variables[setting.name]
     ]
 
 
@@ -132,10 +132,10 @@ def main() -> None:
     module = AnsibleModule(ARGUMENTS, supports_check_mode=True)
     variables = {name: str(value) for name, value in module.params["variables"].items()}
     try:
-        found = contradicting(FileSystem(), variables, frozenset(module.params["ours"]))
+        conflicts = contradicting(FileSystem(), variables, frozenset(module.params["ours"]))
     except ModuleError as refused:
         module.fail_json(msg=refused.message, hint=refused.hint)
-    module.exit_json(changed=False, changes=[], notes=[note(setting, module.params["why"]) for setting in found])
+    module.exit_json(changed=False, changes=[], notes=[note(setting, module.params["why"]) for setting in conflicts])
 
 
 if __name__ == "__main__":

@@ -57,7 +57,7 @@ from typing import Any, Callable
 from ansible.module_utils.basic import AnsibleModule
 
 from ..module_utils.errors import ModuleError
-from ..module_utils.programs import Done, run
+from ..module_utils.programs import ProgramResult, run
 
 _NOT_THERE = 127
 
@@ -80,7 +80,7 @@ class Floor:
     branches: tuple[Branch, ...]
 
 
-def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], Done] = run) -> str:
+def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]], ProgramResult] = run) -> str:
     """Give the version that is installed. Raises ModuleError where it is too old, or where it cannot be told."""
     result = run([floor.program, "--version"])
     if result.code == _NOT_THERE and absent_passes:
@@ -96,16 +96,17 @@ def hold(floor: Floor, *, absent_passes: bool = False, run: Callable[[list[str]]
     version = package.output.strip() if package.code == 0 and _upstream(package.output) == upstream else ""
     if _passes(floor, upstream, version, run):
         return version or upstream
-    desired = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
+    fixed_versions = " or ".join(text for branch in floor.branches for text in (branch.upstream, *branch.packages))
     raise ModuleError(
-        f"{floor.package} {version or upstream} has holes that are known and mended: {desired}, or later, is needed."
+        f"{floor.package} {version or upstream} has holes that are known and mended: {fixed_versions}, or later, "
+        "is needed."
         " It was not started",
         f"on that computer: `apt-get update && apt-get install {floor.package}`; "
         "where its distribution has nothing newer, it needs a newer release",
     )
 
 
-def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]], Done]) -> bool:
+def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]], ProgramResult]) -> bool:
     """Whether it is of a mended branch and late enough there; a later branch than all of them is."""
     number = _numbers(upstream)
     if number[:2] > max(_numbers(branch.branch) for branch in floor.branches):
@@ -113,15 +114,17 @@ def _passes(floor: Floor, upstream: str, package: str, run: Callable[[list[str]]
     local = next((item for item in floor.branches if _numbers(item.branch) == number[:2]), None)
     if local is None:
         return False
-    return number >= _numbers(local.upstream) or any(_follows(package, mended, run) for mended in local.packages)
+    return number >= _numbers(local.upstream) or any(
+        _follows(package, fixed_version, run) for fixed_version in local.packages
+    )
 
 
-def _follows(package: str, mended: str, run: Callable[[list[str]], Done]) -> bool:
+def _follows(package: str, fixed_version: str, run: Callable[[list[str]], ProgramResult]) -> bool:
     """Whether a package is that one or a later one of the same release: `2.6.14-1` of another one is not mended."""
-    line = mended.rstrip("0123456789")
+    line = fixed_version.rstrip("0123456789")
     if not package.startswith(line):
         return False
-    return run(["dpkg", "--compare-versions", package, "ge", mended]).code == 0
+    return run(["dpkg", "--compare-versions", package, "ge", fixed_version]).code == 0
 
 
 def _upstream(version: str) -> str:

@@ -121,11 +121,11 @@ def _result(parameters: dict[str, Any], *, check: bool) -> dict[str, Any]:
     elif parameters["action"] == "confirm":
         values = change.confirm(parameters["name"])
     else:
-        values = _ended(change.look(parameters["name"], request.rollback_s + _BACK_S))
+        values = _describe_outcome(change.look(parameters["name"], request.rollback_s + _BACK_S))
     return {"changed": bool(change.changes), "changes": change.changes, "diff": change.diff, **values}
 
 
-def _ended(values: dict[str, Any]) -> dict[str, Any]:
+def _describe_outcome(values: dict[str, Any]) -> dict[str, Any]:
     """What has become of a change; `msg` where it was not confirmed."""
     if values["state"] == "confirmed":
         return values

@@ -153,34 +153,34 @@ ARGUMENTS: dict[str, Any] = {
 def main() -> None:
     """Answer Ansible."""
     module = AnsibleModule(argument_spec=ARGUMENTS, supports_check_mode=True)
-    requested = module.params
-    expected = requested["expected"] or {}
+    parameters = module.params
+    expected_system = parameters["expected"] or {}
     tree = FileSystem()
     converge = None
     try:
-        keys = [key_of(key) for key in requested["keys"]]
-        texts = {file["path"]: file["content"].encode() for file in [*requested["pins"], *requested["sources"]]}
-        sources = Sources(tree, {**{key.path: key.content for key in keys}, **texts}, requested["absent"])
-        desired = DesiredPackages(
-            {package["name"]: package["version"] for package in requested["packages"]},
+        keys = [key_of(key) for key in parameters["keys"]]
+        texts = {file["path"]: file["content"].encode() for file in [*parameters["pins"], *parameters["sources"]]}
+        sources = Sources(tree, {**{key.path: key.content for key in keys}, **texts}, parameters["absent"])
+        desired_packages = DesiredPackages(
+            {package["name"]: package["version"] for package in parameters["packages"]},
             keys,
-            expected.get("codename"),
-            expected.get("distribution"),
-            expected.get("architectures") or (),
-            requested["limit_bytes"],
-            requested["limit_words"],
+            expected_system.get("codename"),
+            expected_system.get("distribution"),
+            expected_system.get("architectures") or (),
+            parameters["limit_bytes"],
+            parameters["limit_words"],
         )
-        diffs = {path: sources.before_and_after(path) for path in [*sources.changed, *sources.in_the_way]}
-        converge = AptConvergence(Apt(tree, requested["offline"], requested["wait_s"]), sources, desired)
+        diffs = {path: sources.before_and_after(path) for path in [*sources.changed_paths, *sources.in_the_way]}
+        converge = AptConvergence(Apt(tree, parameters["offline"], parameters["wait_s"]), sources, desired_packages)
         outcome = converge.run(check=module.check_mode)
     except ModuleError as why:
-        done = converge.done() if converge is not None else []
-        module.fail_json(msg=why.message, hint=why.hint, changes=done, changed=bool(done))
+        changes = converge.list_changes() if converge is not None else []
+        module.fail_json(msg=why.message, hint=why.hint, changes=changes, changed=bool(changes))
         return
     module.exit_json(
         changed=bool(outcome.changes),
         changes=outcome.changes,
-        notes=[*requested["notes"], *outcome.notes],
+        notes=[*parameters["notes"], *outcome.notes],
         versions=outcome.versions,
         also=outcome.also,
         download_bytes=outcome.download_bytes,

@@ -49,7 +49,7 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
 
     @staticmethod
     @abstractmethod
-    def perform(requested: TaskRequest) -> Mapping[str, Any]:
+    def perform(task: TaskRequest) -> Mapping[str, Any]:
         """Do it and give `per_host`. Raises NetcfgError."""
 
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
@@ -61,16 +61,18 @@ class EngineAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         result: dict[str, Any] = super().run(tmp, task_vars)
         variables = task_vars or {}
         try:
-            requested = TaskRequest(
+            task = TaskRequest(
                 inventory_of(variables),
                 tuple(variables["ansible_play_hosts"]),
                 request.of_variables({**variables, "atlantis_request": self._task.args.get("request")}),
                 bool(self._task.check_mode),
                 str(self._task.args.get("part") or ""),
             )
-            result.update(self.perform(requested))
+            result.update(self.perform(task))
         except NetcfgError as error:
-            hint = f"\n{error.hint}".replace(REHEARSE, f"add `-e {request.REHEARSED}=true`") if error.hint else ""
+            hint = (
+                f"\n{error.hint}".replace(REHEARSE, f"add `-e {request.REHEARSE_VARIABLE}=true`") if error.hint else ""
+            )
             raise AnsibleActionFail(lines(f"{error}{hint}")) from None  # Ansible would tell the cause again
         finally:
             end_if_orphaned()
@@ -82,5 +84,9 @@ def inventory_of(variables: Mapping[str, Any]) -> Path:
 
     AWX hands the hosts to a job in a file of its own; what they are to be stands in the project.
     """
-    given = Path(str(variables.get("inventory_dir") or "."))
-    return given if (given / "group_vars").is_dir() else Path(str(variables["playbook_dir"])).parent / "inventory"
+    inventory_folder = Path(str(variables.get("inventory_dir") or "."))
+    return (
+        inventory_folder
+        if (inventory_folder / "group_vars").is_dir()
+        else Path(str(variables["playbook_dir"])).parent / "inventory"
+    )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 VARIABLE: Final = "computer_prefetch"
 """Where playbooks register the result of the action. A registered variable ends with the run; no cache keeps it."""
-_DISCARDED: Final = "atlantis_prefetch_discarded"
+_DISCARD_FACT: Final = "atlantis_prefetch_discarded"
 """The fact that names the result of which nothing is to be taken any more."""
 _MAX_AGE_S: Final = 60.0
 _TIMES: Final = {"clock": "now"}
@@ -36,7 +36,7 @@ def pack(requests: Iterable[Mapping[str, Any]], answers: Iterable[Mapping[str, A
 def find_answer(variables: Mapping[str, Any], request: Mapping[str, Any]) -> dict[str, Any] | None:
     """Give the answer to this very request, if there is one and it still counts."""
     result = variables.get(VARIABLE) or {}
-    is_discarded = (variables.get("ansible_facts") or {}).get(_DISCARDED) == result.get("id")
+    is_discarded = (variables.get("ansible_facts") or {}).get(_DISCARD_FACT) == result.get("id")
     if is_discarded or time.monotonic() - result.get("monotonic_s", 0.0) > _MAX_AGE_S:
         return None
     answer = result["answers"].get(_digest(request))
@@ -46,7 +46,7 @@ def find_answer(variables: Mapping[str, Any], request: Mapping[str, Any]) -> dic
 def discard(variables: Mapping[str, Any]) -> dict[str, Any]:
     """Give what makes a task's result end the use of the answers."""
     result = variables.get(VARIABLE) or {}
-    return {"ansible_facts": {_DISCARDED: result["id"]}} if "id" in result else {}
+    return {"ansible_facts": {_DISCARD_FACT: result["id"]}} if "id" in result else {}
 
 
 def _digest(request: Mapping[str, Any]) -> str:

@@ -65,13 +65,13 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
     def thin(self, name: str, arguments: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
         """Run a module on the host of the task and give its result; a host that is not reached raises, as ever."""
         end_with_parent()
-        parameters, secrets, wrong = checked(name, arguments)
+        parameters, secrets, wrong = validate_arguments(name, arguments)
         if wrong is not None:
-            return masked({"failed": True, "msg": wrong}, secrets)
-        requested = self.request(name, parameters, variables)
-        if (early_answer := prefetch.find_answer(variables, requested)) is not None:
+            return mask_secrets({"failed": True, "msg": wrong}, secrets)
+        request = self.request(name, parameters, variables)
+        if (early_answer := prefetch.find_answer(variables, request)) is not None:
             return early_answer
-        values: dict[str, Any] = printable.cleaned(masked(self.call(name, requested, variables), secrets))
+        values: dict[str, Any] = printable.clean(mask_secrets(self.call(name, request, variables), secrets))
         return values | prefetch.discard(variables)
 
     def request(self, name: str, parameters: Mapping[str, Any], variables: dict[str, Any]) -> dict[str, Any]:
@@ -79,15 +79,15 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         quiet = self._task.no_log or constants.config.get_config_value("DEFAULT_NO_TARGET_SYSLOG", variables=variables)
         return {"name": name, "params": parameters, "check": bool(self._task.check_mode), "log": not quiet}
 
-    def call(self, name: str, requested: object, variables: dict[str, Any]) -> dict[str, Any]:
+    def call(self, name: str, request: object, variables: dict[str, Any]) -> dict[str, Any]:
         """Send it and give what is answered, as it is."""
         try:
-            data = zlib.compress(json.dumps(requested, default=str).encode(), 9)
-            return answer(self._called(name, data, variables), name)
+            data = zlib.compress(json.dumps(request, default=str).encode(), 9)
+            return answer(self._run_tool(name, data, variables), name)
         except AnsibleConnectionFailure as error:
-            raise _shown(error) from None
+            raise _printable_error(error) from None
 
-    def _called(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:
+    def _run_tool(self, name: str, data: bytes, variables: dict[str, Any]) -> dict[str, Any]:
         tool, python = build(), self._python(variables)
         path = f"{FOLDER}/{tool.sha256}.pyz"
         sound = f"echo '{tool.sha256}  {path}' | sha256sum -c --status 2>/dev/null"
@@ -99,15 +99,15 @@ class ZipappAction(ActionBase):  # type: ignore[misc]  # ansible-core ships no t
         version = next((line for line in values["stdout"].split("\n") if line.startswith(_ASKS)), None)
         if version is None:
             return values
-        found = tuple(int(number) for number in version.split()[1:])
-        if found < PYTHON:
-            return {**values, "python": found}
-        program, packed = INSTALL.read_bytes(), tool.packed
-        words = (FOLDER, tool.sha256, str(len(packed)), MARK, name)
+        python_version = tuple(int(number) for number in version.split()[1:])
+        if python_version < PYTHON:
+            return {**values, "python": python_version}
+        program, packed_tool = INSTALL.read_bytes(), tool.payload
+        words = (FOLDER, tool.sha256, str(len(packed_tool)), MARK, name)
         read = f"import sys; exec(sys.stdin.buffer.read({len(program)}))"
         install = f"{python} -I -c {shlex.quote(read)} {shlex.join(words)}"
-        sent: dict[str, Any] = self._low_level_execute_command(install, in_data=program + packed + data)
-        return sent
+        reply: dict[str, Any] = self._low_level_execute_command(install, in_data=program + packed_tool + data)
+        return reply
 
     def _python(self, variables: dict[str, Any]) -> str:
         """The interpreter as a shell takes it, with the environment of the task before it; it is never searched for."""
@@ -124,28 +124,28 @@ class CleanedAction(ActionBase):  # type: ignore[misc]  # as above
     def run(self, tmp: Any = None, task_vars: dict[str, Any] | None = None) -> dict[str, Any]:  # noqa: ANN401
         """Run it as ever; whoever is not reached raises, as ever."""
         try:
-            result: dict[str, Any] = printable.cleaned(super().run(tmp, task_vars))
+            result: dict[str, Any] = printable.clean(super().run(tmp, task_vars))
         except AnsibleConnectionFailure as error:
-            raise _shown(error) from None
+            raise _printable_error(error) from None
         return result
 
 
-def _shown(error: AnsibleConnectionFailure) -> AnsibleConnectionFailure:
+def _printable_error(error: AnsibleConnectionFailure) -> AnsibleConnectionFailure:
     """It quotes whoever answers at the address, and so would its cause."""
     return AnsibleConnectionFailure(printable.lines(str(error).replace("\r\n", "\n")))
 
 
-def checked(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], set[str], str | None]:
+def validate_arguments(name: str, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], set[str], str | None]:
     """Compare arguments with a module's spec: complete parameters, what of them is secret, and what is wrong."""
     module = import_module(f"{MODULES}.{name}")
     validator = ArgumentSpecValidator(module.ARGUMENTS, **getattr(module, "RULES", {}))
-    found = validator.validate(dict(arguments))
+    validation = validator.validate(dict(arguments))
     wrong = None
-    if found.error_messages:
-        wrong = str(found.errors.msg)
-        if isinstance(found.errors[0], UnsupportedError):
+    if validation.error_messages:
+        wrong = str(validation.errors.msg)
+        if isinstance(validation.errors[0], UnsupportedError):
             wrong = f"Unsupported parameters for (atlantis.netcfg.{name}) module: {wrong}"
-    return found.validated_parameters, found._no_log_values, wrong  # noqa: SLF001 - Ansible's own modules mask by it
+    return validation.validated_parameters, validation._no_log_values, wrong  # noqa: SLF001 - Ansible's own modules mask by it
 
 
 def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -154,14 +154,14 @@ def answer(values: Mapping[str, Any], name: str) -> dict[str, Any]:
     result = next((line.removeprefix(MARK) for line in reversed(lines) if line.startswith(MARK)), None)
     if result is not None:
         try:
-            found = json.loads(result)
+            reply = json.loads(result)
         except ValueError:
-            found = None
-        if isinstance(found, dict):
-            return without_ansible(found)
+            reply = None
+        if isinstance(reply, dict):
+            return without_ansible(reply)
     if "python" in values:
-        is_there, needed = (".".join(map(str, version)) for version in (values["python"], PYTHON))
-        words = f"this computer has Python {is_there}, and at least {needed} is needed"
+        is_there, required_version = (".".join(map(str, version)) for version in (values["python"], PYTHON))
+        words = f"this computer has Python {is_there}, and at least {required_version} is needed"
         return {"failed": True, "msg": words, "hint": "that comes with Ubuntu 20.04 and Debian 11"}
     if values["rc"] == _NOT_FOUND:
         last = _last(str(values["stderr"]).split("\n"))
@@ -178,7 +178,7 @@ def without_ansible(result: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in result.items() if not key.startswith(_ANSIBLES)}
 
 
-def masked(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str, Any]:
+def mask_secrets(result: Mapping[str, Any], secrets: Iterable[str]) -> dict[str, Any]:
     """Take out what must be shown nowhere, as Ansible's own modules do; what is true, false or null hides nothing."""
     plain: dict[str, Any] = remove_values(dict(result), secrets)
     return plain | {key: value for key, value in result.items() if value is None or isinstance(value, bool)}

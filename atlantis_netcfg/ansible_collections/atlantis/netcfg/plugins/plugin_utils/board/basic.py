@@ -19,11 +19,11 @@ class AnsibleModule:
     """`params`, `check_mode`, and the two ways to end; what else Ansible's class has, our modules do not use."""
 
     def __init__(self, argument_spec: dict[str, Any], **_rules: Any) -> None:  # noqa: ANN401, ARG002 - as Ansible has it
-        requested = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
-        self.params: dict[str, Any] = requested["params"]
-        self.check_mode: bool = requested["check"]
-        self._name: str = requested["name"]
-        if requested["log"]:
+        request = json.loads(zlib.decompress(sys.stdin.buffer.read()).decode())
+        self.params: dict[str, Any] = request["params"]
+        self.check_mode: bool = request["check"]
+        self._name: str = request["name"]
+        if request["log"]:
             self._log_invocation()
 
     def _log_invocation(self) -> None:

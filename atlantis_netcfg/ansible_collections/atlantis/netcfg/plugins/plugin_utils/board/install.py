@@ -27,9 +27,9 @@ WORDS = "atlantis/module_utils/errors.py"
 
 def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     """Install the tool and run the module; a failure is told as the module itself would tell it."""
-    packed = sys.stdin.buffer.read(int(size))
+    packed_tool = sys.stdin.buffer.read(int(size))
     try:
-        tool = bz2.decompress(packed)
+        tool = bz2.decompress(packed_tool)
     except (OSError, ValueError):
         tool = b""
     if hashlib.sha256(tool).hexdigest() != sha256:
@@ -40,8 +40,8 @@ def main(folder: str, sha256: str, size: str, mark: str, module: str) -> None:
     except OSError as error:
         words: dict[str, Any] = {"__name__": "errors"}
         exec(zipfile.ZipFile(io.BytesIO(tool)).read(WORDS), words)  # noqa: S102 - what has just been compared
-        refused = words["in_words"](error, folder)
-        _fail(mark, refused.message, refused.hint)
+        failure = words["in_words"](error, folder)
+        _fail(mark, failure.message, failure.hint)
     _sweep(folder, name)
     sys.argv = [os.path.join(folder, name), module]
     runpy.run_path(sys.argv[0], run_name="__main__")
