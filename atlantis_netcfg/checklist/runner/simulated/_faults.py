@@ -213,7 +213,7 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         ("SITE/site/clock",),
         _gateway(
             lambda computer: {
-                "time": computer.time.model_copy(update={"offset_s": -3600.0, "synchronised": False, "ntp": False})
+                "time": computer.time.model_copy(update={"offset_s": -3600.0, "is_synchronised": False, "ntp": False})
             }
         ),
     ),
@@ -493,7 +493,7 @@ _ACOUSTIC = {
 }
 _REMOTE = {
     "rc-armed": RehearsedFault(
-        "Stork is armed", ("stork/rc_rf", "stork/rc_rf/sticks"), _autopilot("stork", armed=True)
+        "Stork is armed", ("stork/rc_rf", "stork/rc_rf/sticks"), _autopilot("stork", is_armed=True)
     ),
     "rc-sticks-dead": RehearsedFault(
         "the channels of Stork do not follow the sticks", ("stork/rc_rf/sticks",), _autopilot("stork", moving=0)
