@@ -354,7 +354,7 @@ def compare(
     past: Past | None = None,
     history: DriftHistory = _NO_HISTORY,
 ) -> Comparison:
-    """Say what differs; `plan` is what would make `observation` as `desired_state`."""
+    """Report the differences; `plan` would lead from `observation` to `desired_state`."""
     rows = as_renamed(desired_state, observation.rows)
     paths = sorted(desired_state.menus, key=rank)
     differences = [

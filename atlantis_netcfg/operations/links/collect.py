@@ -73,7 +73,7 @@ class LinkQueries:
     """Host name to what was spent on it; RouterOS devices only."""
 
     async def ask(self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[BearerRoute]) -> None:
-        """Ask every host that is `selected_hosts` and can be asked, all at the same time."""
+        """Query `selected_hosts`, those that can be queried, all at the same time."""
         names = {host.name for host in selected_hosts}
         work = []
         for host in hosts:

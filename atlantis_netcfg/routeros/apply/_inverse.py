@@ -37,7 +37,7 @@ class CannotInvert(DeviceError):
 
 
 def inverse(observation: Observation, aim: Plan, *, with_secrets: bool = False) -> str:
-    """Return the lines that undo any part of `aim` on the device that was `observation`. Raises CannotInvert.
+    """Return the lines that undo any part of `aim` on the device as `observation` shows it. Raises CannotInvert.
 
     `with_secrets`: in clear, as the rows themselves hold them. The far end of a bridge needs that: a key that stayed
     new at one end would keep the link away.

@@ -123,7 +123,7 @@ def writes(
 ) -> tuple[tuple[str, str], ...]:
     """Return what must be set so that `row` is as declared.
 
-    Properties that the item does not name go back to their default only where the row is `is_managed` by us.
+    Properties that the item does not name go back to their default only where the row is ours (`is_managed`).
     """
     menu = report.menu
     desired_values: dict[str, str | None] = {}
