@@ -76,7 +76,7 @@ from engine_bench import Bench, on
 async def act(bench):
     results = [await bench.converge() for _ in range(2)]
     refused, _ = await bench.router.console(["/system/watchdog/set", "=watch-address=nowhere"])
-    ended = [[result.status.value, result.planned] for result in results]
+    ended = [[result.status.value, result.planned_count] for result in results]
     print(json.dumps([ended, refused.words, bench.export().partition("/system watchdog\\n")[2].splitlines()[0]]))
 
 on(Bench(Path("bench"), text="/system watchdog\\nset watchdog-timer=no\\n"), act)
@@ -173,7 +173,8 @@ from atlantis_netcfg.core.errors import ExitCode
 if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.arguments import Arguments
 
-TIDE = CommandSpec("tide", "say how high the water is", words=(Word("site", "the site", required=True, example="scc"),))
+SITE = Word("site", "the site", is_required=True, example="scc")
+TIDE = CommandSpec("tide", "say how high the water is", words=(SITE,))
 
 
 def run_tide(arguments: Arguments) -> ExitCode:
@@ -208,7 +209,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atlantis_netcfg.checklist.probes.site_checks.parse import OwnSite, ask, fail, good, rows, step
-from atlantis_netcfg.checklist.probes.step import Judged, Step
+from atlantis_netcfg.checklist.probes.step import ProbeResult, Step
 
 
 def name_check(site: OwnSite) -> Step:
@@ -225,7 +226,7 @@ class Name:
     def judge(self, results):
         (row,) = rows(results["identity"], self.site.router.name, "its name", "name")
         right = row["name"] == self.site.router.name
-        return Judged((good("named", row["name"]) if right else fail("misnamed", row["name"], "run the site"),))
+        return ProbeResult((good("named", row["name"]) if right else fail("misnamed", row["name"], "run the site"),))
 '''
 
 
@@ -266,11 +267,11 @@ class Interface:
         return (RouterOsQuery("ports", self.router, query),)
 
     def judge(self, results):
-        from atlantis_netcfg.checklist.probes.step import Judged
+        from atlantis_netcfg.checklist.probes.step import ProbeResult
 
         there = {row["name"] for row in results["ports"].rows}
         verdict = Verdict.PASS if "ether2" in there else Verdict.FAIL
-        return Judged((BearerFinding(verdict, "port", f"{len(there)} ports"),))
+        return ProbeResult((BearerFinding(verdict, "port", f"{len(there)} ports"),))
 '''
 
 
