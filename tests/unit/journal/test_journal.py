@@ -478,14 +478,14 @@ def test_a_run_tells_what_was_acknowledged_and_confirmed(store: Store) -> None:
 KILLED = """
 import sys
 from pathlib import Path
-from atlantis_netcfg.runs import ActionsAcknowledged, RunStarted, Store
+from atlantis_netcfg.runs import ActionAcknowledgement, RunStart, Store
 
 journal = Store(Path(sys.argv[1])).start(
-    RunStarted(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="c"))
+    RunStart(site="coastal", revision="", tool="", hosts=("router",), rehearsed=False, command="c"))
 number = 0
 while True:
     number += 1
-    journal.write(ActionsAcknowledged(device="router", actions=(number,)))
+    journal.write(ActionAcknowledgement(device="router", actions=(number,)))
     print(number, flush=True)
 """
 
@@ -495,8 +495,8 @@ def test_a_kill_loses_nothing_that_was_written(tmp_path: Path) -> None:
         arguments = [sys.executable, "-c", KILLED, str(tmp_path)]
         with subprocess.Popen(arguments, stdout=subprocess.PIPE) as process:
             assert process.stdout is not None
-            for _ in range(written):
-                process.stdout.readline()
+            printed = [int(process.stdout.readline()) for _ in range(written)]
+            assert printed == list(range(1, written + 1))
             os.kill(process.pid, signal.SIGKILL)
     for written, run in enumerate(Store(tmp_path).runs("coastal"), start=1):
         numbers = run.acknowledged_actions("router")
