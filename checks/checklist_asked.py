@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.checklist import Scope, VehicleState, books, plan
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import examine
-from atlantis_netcfg.cli.base.arguments import Arguments
 from atlantis_netcfg.cli.base.session import session
+from atlantis_netcfg.cli.base.syntax import Arguments
 from atlantis_netcfg.cli.checklist import CHECK
 from atlantis_netcfg.cli.checklist.check_run import folder_of, listening, taking_part
 from atlantis_netcfg.core.events import Verdict, ignore

@@ -25,10 +25,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
-from atlantis_netcfg.checklist._signing import ChecklistUsageError, content, parse_json
+from atlantis_netcfg import runs
+from atlantis_netcfg.checklist import _signing
 from atlantis_netcfg.checklist.report import Document, Item
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.runs import make_private, os_errors_as, unwritable, utc_now, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -99,7 +99,7 @@ class Lines:
 def read(path: Path) -> Lines:
     """Every record up to the first line that is not as it was written."""
     try:
-        lines, rest = split(content(path))
+        lines, rest = split(_signing.content(path))
     except OSError as error:
         return Lines(damage=f"cannot be read: {error.strerror}")
     records: list[ChecklistEntry] = []
@@ -119,7 +119,7 @@ def read(path: Path) -> Lines:
 def _record(line: bytes, before: str) -> ChecklistEntry | str:
     """A line's record, or what is wrong with the line."""
     try:
-        data = parse_json(line)
+        data = _signing.parse_json(line)
         at, follows = datetime.fromisoformat(data.pop("at")), data.pop("before")
         record = _RECORDS.validate_python(data)
     except (ValueError, ValidationError, KeyError, TypeError, AttributeError):
@@ -143,12 +143,12 @@ def rebuild_document(lines: Lines) -> Document | None:
 class ChecklistLog(EventLog):
     """The log, open for appending. After a failed write it refuses every other one."""
 
-    def __init__(self, path: Path, now: Callable[[], datetime] = utc_now) -> None:
+    def __init__(self, path: Path, now: Callable[[], datetime] = runs.utc_now) -> None:
         """Open it, or make it; a torn end is cut off. Damage is for the caller to look for before."""
         lines = read(path) if path.exists() else Lines()
         self._now = now
         self._last = lines.last
-        super().__init__(path, partial(unwritable, "the checklist", path))
+        super().__init__(path, partial(runs.unwritable, "the checklist", path))
         self.cut(lines.good)
 
     def write(self, record: ChecklistBegun | GoneOn | RecordedResult | SupersedeResultRecord) -> None:
@@ -233,16 +233,16 @@ def keep(book: Path, files: Iterable[Path]) -> tuple[CopiedFile, ...]:
 def _bytes(path: Path) -> bytes:
     wrong = wrong_with(path)
     if wrong is not None:
-        raise ChecklistUsageError(wrong[0], hint=wrong[1])
+        raise _signing.ChecklistUsageError(wrong[0], hint=wrong[1])
     try:
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise ChecklistUsageError(
+        raise _signing.ChecklistUsageError(
             f"`{path}` cannot be read: {error.strerror}", hint="correct its permissions"
         ) from error
     if len(data) > MAX_BYTES:
-        raise ChecklistUsageError(f"`{path}` grows while it is read", hint="give it when it is whole")
+        raise _signing.ChecklistUsageError(f"`{path}` grows while it is read", hint="give it when it is whole")
     return data
 
 
@@ -252,7 +252,7 @@ def _picture(path: Path, data: bytes) -> bytes:
     if kind is None:
         return data
     if kind not in _READ:
-        raise ChecklistUsageError(
+        raise _signing.ChecklistUsageError(
             f"`{path}` is a picture of kind {kind}, whose position cannot be taken out here", hint=_AS_JPEG
         )
     from PIL import Image, ImageOps  # noqa: PLC0415 - most commands see no photo
@@ -264,9 +264,13 @@ def _picture(path: Path, data: bytes) -> bytes:
                 pixels = image.width * image.height
                 picture = _encode(ImageOps.exif_transpose(image), kind) if pixels <= _MAX_PIXELS else b""
     except Exception as error:  # Pillow raises all sorts for damaged files
-        raise ChecklistUsageError(f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG) from error
+        raise _signing.ChecklistUsageError(
+            f"`{path}` is a damaged picture of kind {kind}: {error}", hint=_AS_JPEG
+        ) from error
     if not picture:
-        raise ChecklistUsageError(f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller")
+        raise _signing.ChecklistUsageError(
+            f"`{path}` has {pixels} pixels; {_MAX_PIXELS} are the most", hint="make it smaller"
+        )
     return picture
 
 
@@ -287,8 +291,8 @@ def _store_copy(book: Path, name: str, data: bytes) -> CopiedFile:
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name).lstrip(".")[-_NAME_LENGTH:] or "file"
     copy = CopiedFile(f"{FOLDER}/{digest[:_HASH_DIGITS]}-{plain}", digest, len(data))
     path = book / copy.file
-    with os_errors_as("the evidence", path):
-        make_private(path.parent)
+    with runs.os_errors_as("the evidence", path):
+        runs.make_private(path.parent)
         if not path.exists() or path.read_bytes() != data:
-            write_atomically(path, data)
+            runs.write_atomically(path, data)
     return copy

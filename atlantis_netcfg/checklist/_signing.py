@@ -21,10 +21,10 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.checklist.report import Document, Signature
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.printable import lines
-from atlantis_netcfg.runs import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -70,20 +70,20 @@ def _reject_constant(word: str) -> NoReturn:
     raise ValueError(f"{word} is no number")
 
 
-class ChecklistUsageError(UsageError):
+class ChecklistUsageError(errors.UsageError):
     """What a person asks of the checklist does not fit it; nothing was written down."""
 
 
-class SigningError(NetcfgError):
+class SigningError(errors.NetcfgError):
     """Something is open, so that nobody can vouch for the whole; the book stays open."""
 
-    exit = ExitCode.CHECKS_FAILED
+    exit = errors.ExitCode.CHECKS_FAILED
 
 
-class SigningKeyError(NetcfgError):
+class SigningKeyError(errors.NetcfgError):
     """The key with which this computer signs cannot be used."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
 FILE = "checklist.key"
@@ -118,10 +118,10 @@ class SigningKey:
         if (key := cls.load(path)) is not None:
             return key
         pem = Ed25519PrivateKey.generate().private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-        with os_errors_as("the key for signing", path):
-            make_private(path.parent)
+        with runs.os_errors_as("the key for signing", path):
+            runs.make_private(path.parent)
             with suppress(FileExistsError):  # the other one was first
-                write_atomically(path, pem, replace=False)
+                runs.write_atomically(path, pem, replace=False)
         key = cls.load(path)
         assert key is not None, "it was just made"  # noqa: S101
         return key

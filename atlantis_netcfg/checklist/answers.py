@@ -36,9 +36,8 @@ from atlantis_netcfg.checklist.confirmations import (
 from atlantis_netcfg.checklist.report import Item, ItemKind
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Finding, report
+from atlantis_netcfg.inventory import Finding, report, yaml_file
 from atlantis_netcfg.inventory.model import Model, Text
-from atlantis_netcfg.inventory.yaml_file import Block, read, suggest
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -116,7 +115,7 @@ class Answers:
     @classmethod
     def read(cls, path: Path, checklist: Checklist) -> Self:
         """Read a file for a list. Raises UsageError, and AnswersInvalid with every error of the file."""
-        block = read(path, _EvidenceFile, "the file of answers")
+        block = yaml_file.read(path, _EvidenceFile, "the file of answers")
         answers = cls(*_collect_answers(block.value, checklist, path.parent)) if block.value is not None else None
         findings = (*block.findings, *_CheckAnswer(block, checklist, path.parent, answers).findings())
         if findings or answers is None:
@@ -185,7 +184,7 @@ class _CheckAnswer:
     """What holds between the file and the list; looks at the parts that are there, whatever else is wrong."""
 
     def __init__(
-        self, block: Block[_EvidenceFile], checklist: Checklist, folder: Path, answers: Answers | None
+        self, block: yaml_file.Block[_EvidenceFile], checklist: Checklist, folder: Path, answers: Answers | None
     ) -> None:
         self._block = block
         self._answers = answers
@@ -220,7 +219,7 @@ class _CheckAnswer:
             return
         item = self._items.get(name)
         if item is None:
-            hint = suggest(name, self._items, none="the checklist is empty")
+            hint = yaml_file.suggest(name, self._items, none="the checklist is empty")
             yield self._block.wrong_key((part, name), f"there is no item `{name}` in this checklist", hint)
         elif not item.open:
             yield self._block.wrong_key((part, name), f"`{name}` does not apply: {item.message}", "remove it")

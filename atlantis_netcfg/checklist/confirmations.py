@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from atlantis_netcfg.checklist import report
 from atlantis_netcfg.checklist._ledger import is_picture
 from atlantis_netcfg.checklist._signing import ChecklistUsageError
-from atlantis_netcfg.checklist.probes.step import ITEMS, EvidenceRequest, declared_evidence
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemFinding, ItemKind, Override
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import EvidenceKind
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist._ledger import CopiedFile
-    from atlantis_netcfg.checklist.probes.step import Step
 
 OVERRIDABLE = (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.ERROR)
 """For these a person may take the responsibility; nothing else needs it."""
@@ -80,7 +79,7 @@ def is_photo(path: Path) -> bool:
     return is_picture(path)
 
 
-def missing_evidence(request: EvidenceRequest, confirmation: Confirmation) -> tuple[str, str] | None:
+def missing_evidence(request: base.EvidenceRequest, confirmation: Confirmation) -> tuple[str, str] | None:
     """What an answer lacks to be taken, and what to do; None: nothing. Only what holds needs evidence."""
     value, words, missing = confirmation.value, request.words, False
     if value is not None and request.kind is not EvidenceKind.NUMBER:
@@ -118,7 +117,7 @@ def clean_text(text: str, what: str, *, most: int = _TEXT_LENGTH) -> str:
     return line
 
 
-def unskippable(item: Item) -> tuple[str, str] | None:
+def unskippable(item: report.Item) -> tuple[str, str] | None:
     """Why nobody can say that an item does not apply, and what to do instead; None: that can be said."""
     if item.endpoint != "site" or item.id.rpartition("/")[2] not in _ALWAYS:
         return None
@@ -131,31 +130,38 @@ def clean_name(name: str) -> str:
     return clean_text(name, "a name", most=_NAME_LENGTH)
 
 
+def _require_sayable(item: report.Item, verdict: Verdict) -> None:
+    """Raise Refused where a person cannot give this verdict for the item."""
+    if item.kind is report.ItemKind.AUTOMATIC:
+        hint = "let it be looked at again, or override it with a reason"
+        raise ChecklistUsageError(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
+    if verdict not in SAYABLE:
+        words = ", ".join(SAYABLE)
+        raise ChecklistUsageError(f"{verdict} is nothing that a person can say", hint=f"there are: {words}")
+    if verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
+        raise ChecklistUsageError(wrong[0], hint=wrong[1])
+
+
 def confirm_item(
-    item: Item, confirmation: Confirmation, files: Sequence[CopiedFile], at: datetime, step: Step | None = None
-) -> Item:
+    item: report.Item,
+    confirmation: Confirmation,
+    files: Sequence[CopiedFile],
+    at: datetime,
+    step: base.Step | None = None,
+) -> report.Item:
     """The item as a person has answered it. Raises Refused for what a person cannot say of it.
 
     `step`: who may answer, and what has to be given besides.
     """
     by = clean_name(confirmation.by)
-    request = step.evidence if step is not None else EvidenceRequest()
+    request = step.evidence if step is not None else base.EvidenceRequest()
     for wrong in (
         refused_person(by, step.by if step is not None else (), "answer"),
         missing_evidence(request, confirmation),
     ):
         if wrong is not None:
             raise ChecklistUsageError(f"`{item.id}`: {wrong[0]}", hint=wrong[1])
-    if item.kind is ItemKind.AUTOMATIC:
-        hint = "let it be looked at again, or override it with a reason"
-        raise ChecklistUsageError(f"`{item.id}` is looked at by the tool: nobody can answer it", hint=hint)
-    if confirmation.verdict not in SAYABLE:
-        words = ", ".join(SAYABLE)
-        raise ChecklistUsageError(
-            f"{confirmation.verdict} is nothing that a person can say", hint=f"there are: {words}"
-        )
-    if confirmation.verdict is Verdict.SKIP and (wrong := unskippable(item)) is not None:
-        raise ChecklistUsageError(wrong[0], hint=wrong[1])
+    _require_sayable(item, confirmation.verdict)
     note = (
         clean_text(confirmation.note, f"the reason for {confirmation.verdict}")
         if confirmation.note or confirmation.verdict is not Verdict.PASS
@@ -173,15 +179,23 @@ def confirm_item(
             "message": message,
             "hint": mend,
             "findings": (
-                ItemFinding(
+                report.ItemFinding(
                     verdict=confirmation.verdict, code=SAYABLE[confirmation.verdict], message=message, hint=mend
                 ),
             ),
             "evidence": (
-                Evidence(
-                    type=EvidenceType.CONFIRMED, what=item.title, value=note or confirmation.verdict, at=at, by=by
+                report.Evidence(
+                    type=report.EvidenceType.CONFIRMED,
+                    what=item.title,
+                    value=note or confirmation.verdict,
+                    at=at,
+                    by=by,
                 ),
-                *([declared_evidence("asked for", request.words)] if request.words and item.endpoint == ITEMS else []),
+                *(
+                    [base.declared_evidence("asked for", request.words)]
+                    if request.words and item.endpoint == base.ITEMS
+                    else []
+                ),
                 *(_file_evidence(file, by, at) for file in files),
                 *earlier(item, PersonAnswer(confirmation.verdict, by, note)),
             ),
@@ -204,7 +218,7 @@ class PersonAnswer(NamedTuple):
     note: str
 
 
-def earlier(item: Item, answer: PersonAnswer | None = None) -> tuple[Evidence, ...]:
+def earlier(item: report.Item, answer: PersonAnswer | None = None) -> tuple[report.Evidence, ...]:
     """What people have said of an item before, where another result takes its place: the report shows both.
 
     `answer`: the new one; the same answer once more replaces nothing.
@@ -223,28 +237,34 @@ def earlier(item: Item, answer: PersonAnswer | None = None) -> tuple[Evidence, .
     return tuple(evidence_list)
 
 
-def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> Evidence:
-    return Evidence(type=EvidenceType.CONFIRMED, what=what, value=value, at=at, by=by)
+def _earlier_evidence(what: str, value: str, by: str, at: datetime | None) -> report.Evidence:
+    return report.Evidence(type=report.EvidenceType.CONFIRMED, what=what, value=value, at=at, by=by)
 
 
-def _answer_of(item: Item) -> PersonAnswer | None:
+def _answer_of(item: report.Item) -> PersonAnswer | None:
     """The answer that an item stands on; None: it is open, or a program has looked."""
     is_answer = not item.open and [finding.code for finding in item.findings] == [SAYABLE.get(item.verdict)]
     first = item.evidence[0] if item.evidence else None
-    if not is_answer or first is None or first.type is not EvidenceType.CONFIRMED or first.by is None:
+    if not is_answer or first is None or first.type is not report.EvidenceType.CONFIRMED or first.by is None:
         return None
     return PersonAnswer(item.verdict, first.by, "" if first.value == item.verdict else first.value)
 
 
-def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> Evidence:
+def _file_evidence(stored_file: CopiedFile, by: str, at: datetime) -> report.Evidence:
     name = stored_file.file.rpartition("/")[2].partition("-")[2]
     size = f"{stored_file.size} bytes"
-    return Evidence(
-        type=EvidenceType.FILE, what=name, value=size, at=at, by=by, file=stored_file.file, sha256=stored_file.sha256
+    return report.Evidence(
+        type=report.EvidenceType.FILE,
+        what=name,
+        value=size,
+        at=at,
+        by=by,
+        file=stored_file.file,
+        sha256=stored_file.sha256,
     )
 
 
-def overridden(item: Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> Item:
+def overridden(item: report.Item, reason: str, by: str, at: datetime, people: Sequence[str] = ()) -> report.Item:
     """The item with a person's responsibility taken. Raises Refused where there is nothing to take.
 
     `people`: names of those who alone may take it; none: anybody.
@@ -254,11 +274,11 @@ def overridden(item: Item, reason: str, by: str, at: datetime, people: Sequence[
     if item.verdict not in OVERRIDABLE:
         hint = f"only {', '.join(OVERRIDABLE)} can be overridden; answer it again if it is otherwise"
         raise ChecklistUsageError(f"`{item.id}` is {item.verdict}: there is nothing to override", hint=hint)
-    override = Override(reason=clean_text(reason, "the reason of an override"), by=clean_name(by), at=at)
+    override = report.Override(reason=clean_text(reason, "the reason of an override"), by=clean_name(by), at=at)
     return item.model_copy(update={"override": override, "evidence": _with_override(item, override)})
 
 
-def _with_override(item: Item, override: Override) -> tuple[Evidence, ...]:
+def _with_override(item: report.Item, override: report.Override) -> tuple[report.Evidence, ...]:
     """Its evidence, and the override that another one replaces; the same once more replaces nothing."""
     before = item.override
     if before is None or (before.reason, before.by) == (override.reason, override.by):

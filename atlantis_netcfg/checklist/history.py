@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist import _ledger
+from atlantis_netcfg.checklist import _ledger, _signing, report
 from atlantis_netcfg.checklist._opening import runs
-from atlantis_netcfg.checklist._signing import MANIFEST, REPORT, check_report, content, parse_json
-from atlantis_netcfg.checklist.report import Document, Item, ItemChange, SinceGreen
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 
@@ -36,7 +34,7 @@ class SavedChecklist:
 
     folder: Path
     state: VehicleState
-    document: Document | None
+    document: report.Document | None
     """As far as it can be read."""
     why: str = ""
     """Unfinished or damaged: why."""
@@ -53,7 +51,7 @@ def books(folder: Path) -> tuple[SavedChecklist, ...]:
 
 
 def _load_checklist(run: Path) -> SavedChecklist | None:
-    if (run / MANIFEST).exists():
+    if (run / _signing.MANIFEST).exists():
         return _load_signed(run)
     lines = _ledger.read(run / _ledger.FILE)
     document = _ledger.rebuild_document(lines)
@@ -73,29 +71,31 @@ def _load_checklist(run: Path) -> SavedChecklist | None:
 def _load_signed(run: Path) -> SavedChecklist:
     """A signed one by its report, which has to fit its own digest and signature, whosesoever the key is."""
     try:
-        data = content(run / REPORT)
-        key = str((parse_json(data)["signed"] or {}).get("key"))
-        troubles = list(check_report(data, {key}))
-        document = Document.model_validate(parse_json(data))
+        data = _signing.content(run / _signing.REPORT)
+        key = str((_signing.parse_json(data)["signed"] or {}).get("key"))
+        troubles = list(_signing.check_report(data, {key}))
+        document = report.Document.model_validate(_signing.parse_json(data))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
-        return SavedChecklist(run, VehicleState.DAMAGED, None, f"its {REPORT} cannot be read")
+        return SavedChecklist(run, VehicleState.DAMAGED, None, f"its {_signing.REPORT} cannot be read")
     return SavedChecklist(
         run, VehicleState.DAMAGED if troubles else VehicleState.SIGNED, document, troubles[0].what if troubles else ""
     )
 
 
-def filter_by_scope(document: Document, scope: Mapping[str, tuple[str, ...]]) -> Document:
+def filter_by_scope(document: report.Document, scope: Mapping[str, tuple[str, ...]]) -> report.Document:
     """The document with the items of a scope only."""
     items = tuple(item for item in document.items if _inside(item, scope))
     return document.model_copy(update={"items": items})
 
 
-def _inside(item: Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
+def _inside(item: report.Item, scope: Mapping[str, tuple[str, ...]]) -> bool:
     have = {"vehicle": item.vehicle, "endpoint": item.endpoint, "phase": str(item.phase)}
     return all(have[name] in choices for name, choices in scope.items())
 
 
-def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None, *, but: str = "") -> Document | None:
+def last_green(
+    folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None, *, but: str = ""
+) -> report.Document | None:
     """The newest signed checklist in which all of a scope was looked at and was green, with the items of that scope.
 
     A vehicle's last green may so be a checklist of the whole site in which another vehicle failed. `but`: a run that
@@ -103,7 +103,7 @@ def last_green(folder: Path, scope: Mapping[str, tuple[str, ...]] | None = None,
     """
     expected_scope = dict(scope or {})
     for run in reversed(runs(folder)):
-        if run.name == but or not (run / MANIFEST).exists():
+        if run.name == but or not (run / _signing.MANIFEST).exists():
             continue
         checklist = _load_signed(run)
         if (
@@ -122,28 +122,28 @@ def _covers(wide: Mapping[str, tuple[str, ...]], scope: Mapping[str, tuple[str, 
     return all(name in scope and set(scope[name]) <= set(choices) for name, choices in wide.items())
 
 
-def since(green: Document | None, now: Document) -> SinceGreen | None:
+def since(green: report.Document | None, now: report.Document) -> report.SinceGreen | None:
     """What a document says of the last green one; None: there was none."""
     if green is None:
         return None
     at = green.signed.at if green.signed is not None else green.started
-    return SinceGreen(run=green.run, at=at, changes=changes(green, now))
+    return report.SinceGreen(run=green.run, at=at, changes=changes(green, now))
 
 
-def changes(green: Document, now: Document) -> tuple[ItemChange, ...]:
+def changes(green: report.Document, now: report.Document) -> tuple[report.ItemChange, ...]:
     """Every item that is otherwise now: another verdict or reason, overridden or no longer, new, open, or gone."""
     before = {item.id: item for item in filter_by_scope(green, now.scope).items}
     after = {item.id: item for item in now.items}
     return (*_of_now(before, after), *_find_removed_items(before, after))
 
 
-def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
+def _of_now(before: Mapping[str, report.Item], after: Mapping[str, report.Item]) -> Iterator[report.ItemChange]:
     for name, item in after.items():
         old = before.get(name)
         if old is not None and _state(old) == _state(item):
             continue
         message = item.message if item.override is None else f"{item.message}; overridden by {_override(item)}"
-        yield ItemChange(
+        yield report.ItemChange(
             id=name,
             before=old.verdict if old is not None else None,
             after=item.verdict,
@@ -151,17 +151,21 @@ def _of_now(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[I
         )
 
 
-def _state(item: Item) -> tuple[object, ...]:
+def _state(item: report.Item) -> tuple[object, ...]:
     """What has to be the same: figures differ each time, the reason for a warning is by its code."""
     reasons = {finding.code for finding in item.findings if finding.verdict not in {Verdict.PASS, Verdict.SKIP}}
     return item.verdict, item.open, item.override is not None, reasons
 
 
-def _override(item: Item) -> str:
+def _override(item: report.Item) -> str:
     return f"{item.override.by}: {item.override.reason}" if item.override is not None else ""
 
 
-def _find_removed_items(before: Mapping[str, Item], after: Mapping[str, Item]) -> Iterator[ItemChange]:
+def _find_removed_items(
+    before: Mapping[str, report.Item], after: Mapping[str, report.Item]
+) -> Iterator[report.ItemChange]:
     for name, item in before.items():
         if name not in after:
-            yield ItemChange(id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}")
+            yield report.ItemChange(
+                id=name, before=item.verdict, after=None, message=f"is no longer checked: {item.title}"
+            )

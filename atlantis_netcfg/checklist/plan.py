@@ -9,20 +9,18 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import INTEGRATION, ITEMS, ROBOT, SITE, Cell, Step
+from atlantis_netcfg.checklist import probes, report
+from atlantis_netcfg.checklist.probes import registry
 from atlantis_netcfg.checklist.probes.items import items_of, people
-from atlantis_netcfg.checklist.probes.registry import TITLES, by_a_person, steps_of
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
-from atlantis_netcfg.checklist.report import Drawing, DrawnLink, DrawnNode, Item, ItemKind, LeftOut, Phase, Row
-from atlantis_netcfg.core.errors import NoMatchError, UsageError, nearest
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import ETHERNET, Column, Endpoints, Guest, Router, SeenFrom, WifiRole
+from atlantis_netcfg.inventory import model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer, Site, SiteCheckItem
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,19 +30,19 @@ class Scope:
     vehicles: tuple[str, ...] = ()
     """With a vehicle, the location's own items are left out."""
     endpoints: tuple[str, ...] = ()
-    phases: tuple[Phase, ...] = ()
+    phases: tuple[report.Phase, ...] = ()
     """Recovery or integration alone, or some of the others; empty: all of the others."""
     mission: str = ""
     """Whose items are asked on top: it narrows nothing."""
 
     @property
-    def alone(self) -> Phase | None:
+    def alone(self) -> report.Phase | None:
         """The phase that is a list by itself, signed by itself; None: the list before a test."""
         return next((phase for phase in self.phases if phase.is_alone), None)
 
-    def has(self, item: Item | SiteCheckItem) -> bool:
+    def has(self, item: report.Item | model.SiteCheckItem) -> bool:
         """Whether an item belongs to this list, narrowed or not; a record of integration is one robot's."""
-        if self.alone is Phase.INTEGRATION and item.phase is Phase.INTEGRATION:
+        if self.alone is report.Phase.INTEGRATION and item.phase is report.Phase.INTEGRATION:
             return item.vehicle in self.vehicles
         return item.phase is self.alone if self.alone else not item.phase.is_alone
 
@@ -58,9 +56,9 @@ class Scope:
 class PlanEntry:
     """One line that is still open, and what settles it."""
 
-    item: Item
-    step: Step
-    cell: Cell
+    item: report.Item
+    step: probes.Step
+    cell: probes.Cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,9 +68,9 @@ class Checklist:
     site: str
     title: str
     columns: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[report.Row, ...]
     entries: tuple[PlanEntry, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[report.LeftOut, ...]
     scope: Scope
     notes: tuple[str, ...] = ()
     """What holds at the site, whatever is found."""
@@ -97,7 +95,7 @@ def plan(declaration: Declaration, site: str, scope: Scope | None = None) -> Che
     return Checklist(
         site=site,
         title=declaration.sites[site].title,
-        columns=() if scope.alone else tuple(map(str, Column)),
+        columns=() if scope.alone else tuple(map(str, model.Column)),
         rows=tuple(_rows(whole, entries, scope)),
         entries=selection,
         left_out=tuple(_left_out(entries, scope)),
@@ -121,10 +119,10 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
             raise _unknown("vehicle", vehicle, declaration.vehicles)
         if here is not None and vehicle not in here:
             hint = f"its vehicles are: {', '.join(here) or 'none'}; `checklist.vehicles` of the site says so"
-            raise NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
+            raise errors.NoMatchError(f"`{vehicle}` is not tested at {site}", hint=hint)
     for endpoint in scope.endpoints:
-        if endpoint not in TITLES:
-            raise _unknown("endpoint", endpoint, TITLES)
+        if endpoint not in registry.TITLES:
+            raise _unknown("endpoint", endpoint, registry.TITLES)
     missions = [mission.name for mission in declaration.sites[site].checklist.missions]
     if scope.mission and scope.mission not in missions:
         raise _unknown("mission", scope.mission, missions)
@@ -134,36 +132,40 @@ def _refuse_unknown(declaration: Declaration, site: str, scope: Scope) -> None:
 def _refuse_mixed(declaration: Declaration, site: str, scope: Scope) -> None:
     """A list by itself has no other phases, and a record of integration one robot."""
     here = declaration.sites[site].checklist.vehicles
-    if scope.alone is Phase.INTEGRATION and len(scope.vehicles) != 1:
+    if scope.alone is report.Phase.INTEGRATION and len(scope.vehicles) != 1:
         every = scope.vehicles or [key for key in declaration.vehicles if here is None or key in here] or ["NAME"]
         hint = f"name it: `provision check site={site} vehicle={every[0]} phase=integration`"
-        raise UsageError("an integration record is of one robot", hint=hint)
+        raise errors.UsageError("an integration record is of one robot", hint=hint)
     if scope.alone and len(scope.phases) > 1:
         hint = f"`provision check site={site} phase=recovery` alone, when the vehicles are back"
-        if scope.alone is Phase.INTEGRATION:
+        if scope.alone is report.Phase.INTEGRATION:
             hint = f"`provision check site={site} vehicle={scope.vehicles[0]} phase=integration` alone"
-        raise UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
+        raise errors.UsageError(f"the items of {scope.alone} are a checklist of their own", hint=hint)
 
 
-def _unknown(what: str, word: str, names: Iterable[str]) -> NoMatchError:
+def _unknown(what: str, word: str, names: Iterable[str]) -> errors.NoMatchError:
     every = list(names)
-    near = nearest(word, every)
+    near = errors.nearest(word, every)
     choices = f"there are: {', '.join(every) or 'none'}"
-    return NoMatchError(f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices)
+    return errors.NoMatchError(
+        f"there is no {what} `{word}`", hint=f"did you mean `{near}`? {choices}" if near else choices
+    )
 
 
-def _nothing(site: str, scope: Scope) -> NoMatchError:
-    if scope.alone is Phase.INTEGRATION:
+def _nothing(site: str, scope: Scope) -> errors.NoMatchError:
+    if scope.alone is report.Phase.INTEGRATION:
         hint = f"put its file into robots/{scope.vehicles[0]}.yml of the inventory: docs/robots.md says how"
-        return NoMatchError(f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint)
+        return errors.NoMatchError(
+            f"`{scope.vehicles[0]}` has no robot's file, and so no integration record", hint=hint
+        )
     if scope.alone:
         hint = "declare them below `checklist: items:` with `phase: recovery` (docs/check.md)"
-        return NoMatchError(f"no such item of recovery is declared at {site}", hint=hint)
+        return errors.NoMatchError(f"no such item of recovery is declared at {site}", hint=hint)
     hint = f"leave out a word: `provision check site={site}` lists all"
-    return NoMatchError("nothing is left of the checklist", hint=hint)
+    return errors.NoMatchError("nothing is left of the checklist", hint=hint)
 
 
-def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[Row]:
+def _rows(every: Iterable[report.Row], entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.Row]:
     """The rows of a list; one that is a list by itself has those with an item in it, and nothing of Table 3."""
     cells = {(entry.cell.row, entry.item.endpoint) for entry in entries}
     for row in every:
@@ -174,15 +176,17 @@ def _rows(every: Iterable[Row], entries: Sequence[PlanEntry], scope: Scope) -> I
             yield row.model_copy(update={"table3": (), "beside": beside, "deviation": None})
 
 
-def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotFiles | None) -> Iterator[Row]:
+def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotFiles | None) -> Iterator[report.Row]:
     here = declaration.sites[site].checklist.vehicles
     for key, vehicle in declaration.vehicles.items():
         if here is None or key in here:
-            cells = tuple(str(column) for column in Column if column in vehicle.table3)
-            robot_items = (ROBOT, INTEGRATION) if robots is not None and key in robots.tested_vehicles else ()
-            cable = (ETHERNET,) if vehicle.ethernet else ()
+            cells = tuple(str(column) for column in model.Column if column in vehicle.table3)
+            robot_items = (
+                (probes.ROBOT, probes.INTEGRATION) if robots is not None and key in robots.tested_vehicles else ()
+            )
+            cable = (model.ETHERNET,) if vehicle.ethernet else ()
             others = (*cable, *robot_items, *_items(declaration, site, key, mission))
-            yield Row(
+            yield report.Row(
                 key=key,
                 name=vehicle.name,
                 kind=str(vehicle.kind),
@@ -192,34 +196,44 @@ def _every_row(declaration: Declaration, site: str, mission: str, robots: RobotF
                 beside=(*cells, *others) if vehicle.guest else others,
             )
     site_config = declaration.sites[site]
-    table3_columns = [str(column) for column in Column if column in site_config.location.table3]
+    table3_columns = [str(column) for column in model.Column if column in site_config.location.table3]
     bearer_columns = {str(bearer.kind.traits.column) for bearer in site_config.bearers}
     if site_config.location.ethernet:
-        bearer_columns.add(ETHERNET)
-    beside = [name for name in (*map(str, Column), ETHERNET) if name in bearer_columns and name not in table3_columns]
-    beside += [SITE, *((ROBOT,) if robots is not None else ()), *_items(declaration, site, None, mission)]
-    yield Row(key=site, name=site_config.title, kind="location", table3=tuple(table3_columns), beside=tuple(beside))
+        bearer_columns.add(model.ETHERNET)
+    beside = [
+        name
+        for name in (*map(str, model.Column), model.ETHERNET)
+        if name in bearer_columns and name not in table3_columns
+    ]
+    beside += [probes.SITE, *((probes.ROBOT,) if robots is not None else ()), *_items(declaration, site, None, mission)]
+    yield report.Row(
+        key=site, name=site_config.title, kind="location", table3=tuple(table3_columns), beside=tuple(beside)
+    )
 
 
 def _items(declaration: Declaration, site: str, vehicle: str | None, mission: str) -> tuple[str, ...]:
     """The column of what is declared for a row, where something is."""
-    return (ITEMS,) if any(True for _ in items_of(Cell(declaration, site, vehicle, ITEMS, mission))) else ()
+    return (
+        (probes.ITEMS,)
+        if any(True for _ in items_of(probes.Cell(declaration, site, vehicle, probes.ITEMS, mission)))
+        else ()
+    )
 
 
 def _entries(
-    declaration: Declaration, site: str, row: Row, mission: str, robots: RobotFiles | None
+    declaration: Declaration, site: str, row: report.Row, mission: str, robots: RobotFiles | None
 ) -> Iterator[PlanEntry]:
     vehicle = None if row.kind == "location" else row.key
     for endpoint in (*row.table3, *row.beside):
-        cell = Cell(declaration, site, vehicle, endpoint, mission, robots)
+        cell = probes.Cell(declaration, site, vehicle, endpoint, mission, robots)
         # A column that has nothing to say still has its line: somebody looks.
-        for step in steps_of(cell) or (by_a_person(cell),):
+        for step in registry.steps_of(cell) or (registry.by_a_person(cell),):
             yield PlanEntry(_item(cell, step, table3=endpoint in row.table3), step, cell)
 
 
-def _item(cell: Cell, step: Step, *, table3: bool) -> Item:
+def _item(cell: probes.Cell, step: probes.Step, *, table3: bool) -> report.Item:
     is_skipped = bool(step.unless)
-    return Item(
+    return report.Item(
         id="/".join(filter(None, (cell.row, cell.endpoint, step.name))),
         title=step.title,
         vehicle=cell.vehicle,
@@ -239,9 +253,9 @@ def _join_names(names: Sequence[str]) -> str:
 
 
 _OPEN = {
-    ItemKind.AUTOMATIC: "not looked at yet",
-    ItemKind.ACTIVE: "waits for a person's consent",
-    ItemKind.PERSON: "waits for a person",
+    report.ItemKind.AUTOMATIC: "not looked at yet",
+    report.ItemKind.ACTIVE: "waits for a person's consent",
+    report.ItemKind.PERSON: "waits for a person",
 }
 
 
@@ -254,14 +268,14 @@ def _inside(entry: PlanEntry, scope: Scope) -> bool:
     )
 
 
-def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[LeftOut]:
+def _left_out(entries: Sequence[PlanEntry], scope: Scope) -> Iterator[report.LeftOut]:
     """Name what the scope takes away, cell by cell."""
     words = " ".join(f"{name}={','.join(values)}" for name, values in scope.as_dict().items())
     away = dict.fromkeys(
-        (entry.cell.name, TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
+        (entry.cell.name, registry.TITLES[entry.item.endpoint]) for entry in entries if not _inside(entry, scope)
     )
     for name, title in away:
-        yield LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
+        yield report.LeftOut(what=f"{name}: {title}", why=f"left out by `{words}`")
 
 
 def _notes(declaration: Declaration, site: str) -> Iterator[str]:
@@ -277,20 +291,20 @@ def _notes(declaration: Declaration, site: str) -> Iterator[str]:
         )
 
 
-def _notes_of_robots(rows: Iterable[Row]) -> Iterator[str]:
+def _notes_of_robots(rows: Iterable[report.Row]) -> Iterator[str]:
     """Name the robots of which nobody knows what they should publish."""
-    names = [row.name for row in rows if row.kind != "location" and ROBOT not in row.beside]
+    names = [row.name for row in rows if row.kind != "location" and probes.ROBOT not in row.beside]
     if names:
         yield f"not looked at, for there is no file of theirs below robots/: what {', '.join(names)} publish"
 
 
-def _notes_of_guests(declaration: Declaration, rows: Iterable[Row]) -> Iterator[str]:
+def _notes_of_guests(declaration: Declaration, rows: Iterable[report.Row]) -> Iterator[str]:
     """Name the rows that the report does not have."""
     for row in rows:
         vehicle = declaration.vehicles.get(row.key) if row.kind != "location" else None
         if vehicle is not None and vehicle.guest:
             partner = declaration.partners[vehicle.partner or ""].full_name
-            until = f" until {vehicle.until}" if isinstance(vehicle, Guest) else ""
+            until = f" until {vehicle.until}" if isinstance(vehicle, model.Guest) else ""
             yield f"{row.name} is a guest of {partner}{until}, and no robot of the report's Table 3"
 
 
@@ -303,7 +317,7 @@ def _notes_of_items(declaration: Declaration, site: str, scope: Scope, every: It
         yield f"with the items of the mission {selected_mission.name}: {selected_mission.title}"
     elif other:
         yield f"no mission was named; with `mission=NAME` its items are asked too: {', '.join(other)}"
-    later = [entry for entry in every if entry.item.phase is Phase.RECOVERY]
+    later = [entry for entry in every if entry.item.phase is report.Phase.RECOVERY]
     later = [entry for entry in later if not scope.vehicles or entry.item.vehicle in scope.vehicles]
     if later and not scope.alone:
         words = "1 item of recovery is" if len(later) == 1 else f"{len(later)} items of recovery are"
@@ -319,7 +333,7 @@ _PARTNERS, _INTERNET = "partners", "internet"
 """Keys of nodes that are no hosts; those of hosts, sites and vehicles are their names."""
 
 
-def drawing(declaration: Declaration, checklist: Checklist) -> Drawing:
+def drawing(declaration: Declaration, checklist: Checklist) -> report.Drawing:
     """Draw the site of a checklist; the order is the inventory's, so that it is the same every time."""
     return _DrawingBuilder(declaration, checklist).drawing()
 
@@ -333,19 +347,19 @@ class _DrawingBuilder:
         self._hosts = declaration.site_hosts(self._site)
         self._server = declaration.hosts[declaration.pilot.vpn.server]
 
-    def drawing(self) -> Drawing:
+    def drawing(self) -> report.Drawing:
         nodes = {node.key: node for node in chain(self._far(), self._here(), self._vehicles())}
         links = chain(self._vpn_links(), self._bearers(), self._local(), self._vehicle_links())
         valid_links = [link for link in links if link.a in nodes and link.b in nodes and link.a != link.b]
-        return Drawing(nodes=tuple(nodes.values()), links=tuple(valid_links))
+        return report.Drawing(nodes=tuple(nodes.values()), links=tuple(valid_links))
 
     @property
-    def _site_config(self) -> Site:
+    def _site_config(self) -> model.Site:
         return self._declaration.sites[self._site]
 
     @property
     def _router(self) -> Host | None:
-        return next((host for host in self._hosts if isinstance(host.device, Router)), None)
+        return next((host for host in self._hosts if isinstance(host.device, model.Router)), None)
 
     @property
     def _gateway(self) -> Host | None:
@@ -361,28 +375,30 @@ class _DrawingBuilder:
         """Where the bearers lead: to the site of the VPN's server, or from there into the world."""
         return _INTERNET if self._server.site == self._site else self._server.site
 
-    def _far(self) -> Iterator[DrawnNode]:
+    def _far(self) -> Iterator[report.DrawnNode]:
         """The VPN's server first, for the lines to it run along that side."""
         if self._server.site != self._site:
             yield self._host(self._server)
         names = ", ".join(partner.full_name for partner in self._declaration.partners.values())
         if names:
-            yield DrawnNode(key=_PARTNERS, label="Partners", kind="partner", detail=names)
+            yield report.DrawnNode(key=_PARTNERS, label="Partners", kind="partner", detail=names)
         if self._server.site != self._site:
             title = self._declaration.sites[self._server.site].title
-            yield DrawnNode(key=self._server.site, label=title, kind="site")
+            yield report.DrawnNode(key=self._server.site, label=title, kind="site")
         else:
-            yield DrawnNode(key=_INTERNET, label="Internet", kind="site")
+            yield report.DrawnNode(key=_INTERNET, label="Internet", kind="site")
         for link in self._site_config.served_links:
-            yield DrawnNode(key=link.carries, label=self._declaration.sites[link.carries].title, kind="site")
+            yield report.DrawnNode(key=link.carries, label=self._declaration.sites[link.carries].title, kind="site")
 
-    def _here(self) -> Iterator[DrawnNode]:
+    def _here(self) -> Iterator[report.DrawnNode]:
         for host in self._hosts:
             yield self._host(host)
         if self._router is None and self._gateway is None:
-            yield DrawnNode(key=self._site, label=self._site_config.title, kind="site", items=self._general_items())
+            yield report.DrawnNode(
+                key=self._site, label=self._site_config.title, kind="site", items=self._general_items()
+            )
 
-    def _host(self, host: Host) -> DrawnNode:
+    def _host(self, host: Host) -> report.DrawnNode:
         item_ids = [entry.item.id for entry in self._entries if host.name in entry.step.concerns]
         local = [
             item
@@ -391,7 +407,7 @@ class _DrawingBuilder:
             for item in self._carrying(bearer)
         ]
         rest = self._general_items() if host.name == self._middle else ()
-        return DrawnNode(
+        return report.DrawnNode(
             key=host.name,
             label=host.name,
             kind=host.device.kind,
@@ -405,31 +421,31 @@ class _DrawingBuilder:
         local = [
             entry
             for entry in self._entries
-            if entry.item.vehicle is None and entry.item.endpoint in {SITE, ROBOT, ITEMS}
+            if entry.item.vehicle is None and entry.item.endpoint in {probes.SITE, probes.ROBOT, probes.ITEMS}
         ]
         return tuple(entry.item.id for entry in local if names.isdisjoint(entry.step.concerns))
 
-    def _vehicles(self) -> Iterator[DrawnNode]:
+    def _vehicles(self) -> Iterator[report.DrawnNode]:
         for row in self._robots():
             items = tuple(entry.item.id for entry in self._entries if entry.item.vehicle == row.key)
-            yield DrawnNode(
+            yield report.DrawnNode(
                 key=row.key, label=row.name, kind="vehicle", items=items, detail=row.kind.upper().replace("_", " ")
             )
 
-    def _robots(self) -> Iterator[Row]:
+    def _robots(self) -> Iterator[report.Row]:
         return (row for row in self._rows if row.kind != "location")
 
-    def _vpn_links(self) -> Iterator[DrawnLink]:
-        yield DrawnLink(a=_PARTNERS, b=self._server.name, label="VPN", kind="vpn")
-        yield DrawnLink(a=self._server.name, b=self._server.site, label="", kind="ethernet")
+    def _vpn_links(self) -> Iterator[report.DrawnLink]:
+        yield report.DrawnLink(a=_PARTNERS, b=self._server.name, label="VPN", kind="vpn")
+        yield report.DrawnLink(a=self._server.name, b=self._server.site, label="", kind="ethernet")
         if self._router is not None and self._server.site != self._site:
             items = tuple(entry.item.id for entry in self._site_entries() if "vpn" in entry.step.name)
-            yield DrawnLink(a=self._router.name, b=self._server.name, label="VPN", kind="vpn", items=items)
+            yield report.DrawnLink(a=self._router.name, b=self._server.name, label="VPN", kind="vpn", items=items)
 
     def _site_entries(self) -> Iterator[PlanEntry]:
-        return (entry for entry in self._entries if entry.item.endpoint == SITE)
+        return (entry for entry in self._entries if entry.item.endpoint == probes.SITE)
 
-    def _carrying(self, bearer: Bearer) -> tuple[str, ...]:
+    def _carrying(self, bearer: model.Bearer) -> tuple[str, ...]:
         column = bearer.kind.traits.column
         return tuple(
             entry.item.id
@@ -437,21 +453,25 @@ class _DrawingBuilder:
             if entry.item.vehicle is None and entry.item.endpoint == column and self._speaks(entry, bearer)
         )
 
-    def _speaks(self, entry: PlanEntry, bearer: Bearer) -> bool:
+    def _speaks(self, entry: PlanEntry, bearer: model.Bearer) -> bool:
         """A site may have two links of one kind: what concerns the box of one of them is not the other's."""
         others = {item.device for item in self._site_config.bearers if item.name != bearer.name} - {bearer.device, None}
         return bearer.device in entry.step.concerns or others.isdisjoint(entry.step.concerns)
 
-    def _bearers(self) -> Iterator[DrawnLink]:
+    def _bearers(self) -> Iterator[report.DrawnLink]:
         for bearer in self._site_config.bearers:
             column, near = bearer.kind.traits.column, bearer.device or self._middle
-            yield DrawnLink(a=near, b=self._other_end, label=TITLES[column], kind=column, items=self._carrying(bearer))
+            yield report.DrawnLink(
+                a=near, b=self._other_end, label=registry.TITLES[column], kind=column, items=self._carrying(bearer)
+            )
         for link in self._site_config.served_links:
-            yield DrawnLink(a=link.device, b=link.carries, label=TITLES[Column.WIFI], kind=Column.WIFI)
+            yield report.DrawnLink(
+                a=link.device, b=link.carries, label=registry.TITLES[model.Column.WIFI], kind=model.Column.WIFI
+            )
 
-    def _local(self) -> Iterator[DrawnLink]:
+    def _local(self) -> Iterator[report.DrawnLink]:
         """The cables of the router; a box of a link on the port of that link, all else in the LAN."""
-        if self._router is None or not isinstance(self._router.device, Router):
+        if self._router is None or not isinstance(self._router.device, model.Router):
             return
         on = {port.link: port for port in self._router.device.ports if port.link is not None}
         box_of: dict[str, str | None] = {bearer.name: bearer.device for bearer in self._site_config.bearers}
@@ -461,26 +481,30 @@ class _DrawingBuilder:
             port = ports.get(host.name)
             power = ", PoE" if port is not None and port.poe is not None else ""
             label = f"{port.name}{power}" if port is not None else "LAN"
-            yield DrawnLink(a=self._router.name, b=host.name, label=label, kind="ethernet")
+            yield report.DrawnLink(a=self._router.name, b=host.name, label=label, kind="ethernet")
 
-    def _vehicle_links(self) -> Iterator[DrawnLink]:
+    def _vehicle_links(self) -> Iterator[report.DrawnLink]:
         for row in self._robots():
-            for endpoint in (name for name in (*row.table3, *row.beside) if name not in {ROBOT, INTEGRATION, ITEMS}):
+            for endpoint in (
+                name
+                for name in (*row.table3, *row.beside)
+                if name not in {probes.ROBOT, probes.INTEGRATION, probes.ITEMS}
+            ):
                 items = tuple(
                     entry.item.id
                     for entry in self._entries
                     if entry.item.vehicle == row.key and entry.item.endpoint == endpoint
                 )
                 by = self._seen_by(self._declaration.vehicles[row.key].endpoints, endpoint)
-                yield DrawnLink(a=row.key, b=by, label=TITLES[endpoint], kind=endpoint, items=items)
+                yield report.DrawnLink(a=row.key, b=by, label=registry.TITLES[endpoint], kind=endpoint, items=items)
 
-    def _seen_by(self, endpoints: Endpoints, endpoint: str) -> str:
+    def _seen_by(self, endpoints: model.Endpoints, endpoint: str) -> str:
         """The host that hears the vehicle, as far as it is declared."""
         endpoint_config = getattr(endpoints, endpoint, None)
         if (by := getattr(endpoint_config, "seen_by", None)) is not None and by in {host.name for host in self._hosts}:
             return str(by)
-        station = endpoint == Column.WIFI and getattr(endpoint_config, "role", None) is WifiRole.STATION
-        laptop = getattr(endpoint_config, "seen_from", None) is SeenFrom.LAPTOP
+        station = endpoint == model.Column.WIFI and getattr(endpoint_config, "role", None) is model.WifiRole.STATION
+        laptop = getattr(endpoint_config, "seen_from", None) is model.SeenFrom.LAPTOP
         if self._gateway is None or station or laptop:
             return self._middle
         return self._gateway.name

@@ -13,21 +13,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, Self
 
-from atlantis_netcfg.checklist import _ledger
-from atlantis_netcfg.checklist._opening import BookHead, begin, find_open_book
-from atlantis_netcfg.checklist._signing import FILE as KEY
-from atlantis_netcfg.checklist._signing import ChecklistUsageError, SigningError, SigningKey, sign_document
-from atlantis_netcfg.checklist.confirmations import (
-    Confirmation,
-    clean_name,
-    clean_text,
-    confirm_item,
-    earlier,
-    overridden,
-    refused_person,
-)
+from atlantis_netcfg.checklist import _ledger, _opening, _signing, confirmations, report
 from atlantis_netcfg.checklist.history import last_green, since
-from atlantis_netcfg.checklist.report import Document, Item, LeftOut
 from atlantis_netcfg.checklist.verify import close_book
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.runs import SiteLock, utc_now
@@ -70,7 +57,7 @@ class Book:
         cls,
         folder: Path,
         checklist: Checklist,
-        head: BookHead,
+        head: _opening.BookHead,
         *,
         now: Callable[[], datetime] = utc_now,
         anew: bool = False,
@@ -83,8 +70,8 @@ class Book:
         lock = SiteLock(folder / "lock", f"the checklist of {checklist.site}", command)
         lock.__enter__()
         try:
-            there = find_open_book(folder, checklist, head, anew=anew, now=now)
-            run = there.folder or begin(folder, checklist, head, now)
+            there = _opening.find_open_book(folder, checklist, head, anew=anew, now=now)
+            run = there.folder or _opening.begin(folder, checklist, head, now)
             return cls(run, checklist, lock, there.words, now)
         except BaseException:
             lock.__exit__()
@@ -96,7 +83,7 @@ class Book:
         return self.folder.name
 
     @property
-    def items(self) -> tuple[Item, ...]:
+    def items(self) -> tuple[report.Item, ...]:
         """Every item as it is now, in the list's order."""
         return tuple(self._items.values())
 
@@ -106,39 +93,43 @@ class Book:
         names = dict.fromkeys(evidence.file for item in self.items for evidence in item.evidence if evidence.file)
         return {name: (self.folder / name).read_bytes() for name in names}
 
-    def item(self, name: str) -> Item:
+    def item(self, name: str) -> report.Item:
         """One item by its id. Raises Refused."""
         if name not in self._items:
             near = nearest(name, self._items)
             hint = f"did you mean `{near}`?" if near else f"`provision check site={self._document.site}` shows every id"
-            raise ChecklistUsageError(f"there is no item `{name}` in this checklist", hint=hint)
+            raise _signing.ChecklistUsageError(f"there is no item `{name}` in this checklist", hint=hint)
         return self._items[name]
 
-    def settle(self, item: Item) -> Item:
+    def settle(self, item: report.Item) -> report.Item:
         """Write down what a probe has found; a second result takes the place of the first, which stays in the log."""
-        evidence = (*item.evidence, *earlier(self.item(item.id)))
+        evidence = (*item.evidence, *confirmations.earlier(self.item(item.id)))
         return self._record("settled", item.model_copy(update={"open": False, "override": None, "evidence": evidence}))
 
-    def confirm(self, name: str, confirmation: Confirmation) -> Item:
+    def confirm(self, name: str, confirmation: confirmations.Confirmation) -> report.Item:
         """Write down a person's answer, with copies of the files. Raises Refused: nothing is written then."""
         item, step = self.item(name), self._entries[name].step
-        confirm_item(item, confirmation, (), self._now(), step)
+        confirmations.confirm_item(item, confirmation, (), self._now(), step)
         files = _ledger.keep(self.folder, confirmation.files)
-        return self._record("confirmed", confirm_item(item, confirmation, files, self._now(), step))
+        return self._record("confirmed", confirmations.confirm_item(item, confirmation, files, self._now(), step))
 
-    def override(self, name: str, reason: str, by: str) -> Item:
+    def override(self, name: str, reason: str, by: str) -> report.Item:
         """Write down that a person takes the responsibility. Raises Refused where there is none to take."""
         item, people = self.item(name), self._entries[name].step.by
-        return self._record("overridden", overridden(item, reason, by, self._now(), people))
+        return self._record("overridden", confirmations.overridden(item, reason, by, self._now(), people))
 
-    def document(self) -> Document:
+    def document(self) -> report.Document:
         """The checklist as it stands."""
         document = self._document.model_copy(update={"items": self.items})
         return document.model_copy(update={"since_green": since(self._green, document)})
 
     def sign(
-        self, by: str, pages: Callable[[Document], Mapping[str, bytes]], *, leave: Mapping[str, str] | None = None
-    ) -> Document:
+        self,
+        by: str,
+        pages: Callable[[report.Document], Mapping[str, bytes]],
+        *,
+        leave: Mapping[str, str] | None = None,
+    ) -> report.Document:
         """Close the book in a person's name; `pages` makes the files that are signed with it.
 
         A failed item does not stand in the way: what is signed is that it failed. An open one does: it is settled,
@@ -147,14 +138,14 @@ class Book:
         Raises NotSigned while something is open, Refused, JournalFailed.
         """
         self._refuse_signed()
-        name, left_out = clean_name(by), self._find_left_out(leave or {})
-        if (wrong := refused_person(name, self._signers, "sign this checklist")) is not None:
-            raise ChecklistUsageError(wrong[0], hint=wrong[1])
+        name, left_out = confirmations.clean_name(by), self._find_left_out(leave or {})
+        if (wrong := confirmations.refused_person(name, self._signers, "sign this checklist")) is not None:
+            raise _signing.ChecklistUsageError(wrong[0], hint=wrong[1])
         at = self._now()
         whole = self.document().model_copy(update={"ended": at})
         whole = whole.model_copy(update={"left_out": (*whole.left_out, *left_out)})
-        key = SigningKey.load_or_create(self.folder.parents[3] / KEY)
-        document = sign_document(whole, name, at, key)
+        key = _signing.SigningKey.load_or_create(self.folder.parents[3] / _signing.FILE)
+        document = _signing.sign_document(whole, name, at, key)
         close_book(self.folder, document, pages(document), key)
         self._document = document
         self._ledger.close()
@@ -171,21 +162,21 @@ class Book:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _find_left_out(self, leave: Mapping[str, str]) -> tuple[LeftOut, ...]:
+    def _find_left_out(self, leave: Mapping[str, str]) -> tuple[report.LeftOut, ...]:
         """What stays open on purpose."""
         waiting = {item.id: item for item in self.items if item.open and item.override is None}
         for name in leave:
             self.item(name)
         rest = [name for name in waiting if name not in leave]
         if rest:
-            raise SigningError(
+            raise _signing.SigningError(
                 f"{len(rest)} of {len(self.items)} items are open: {_few(rest)}",
                 hint="settle them, override them with a reason, or leave them open on purpose with a reason",
             )
-        reasons = {name: clean_text(leave[name], "the reason to leave it open") for name in waiting}
-        return tuple(LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
+        reasons = {name: confirmations.clean_text(leave[name], "the reason to leave it open") for name in waiting}
+        return tuple(report.LeftOut(what=f"{name}: {waiting[name].title}", why=why) for name, why in reasons.items())
 
-    def _record(self, how: Literal["settled", "confirmed", "overridden"], item: Item) -> Item:
+    def _record(self, how: Literal["settled", "confirmed", "overridden"], item: report.Item) -> report.Item:
         self._refuse_signed()
         self._ledger.write(_ledger.RecordedResult(record=how, item=item))
         self._items[item.id] = item
@@ -193,7 +184,9 @@ class Book:
 
     def _refuse_signed(self) -> None:
         if self._document.signed is not None:
-            raise ChecklistUsageError("this checklist is signed: nothing is added to it", hint="begin a new one")
+            raise _signing.ChecklistUsageError(
+                "this checklist is signed: nothing is added to it", hint="begin a new one"
+            )
 
 
 def _few(names: list[str]) -> str:

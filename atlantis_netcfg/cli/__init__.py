@@ -15,8 +15,7 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base import output
-from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
+from atlantis_netcfg.cli.base import commands, output
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import ASCII, Printer
@@ -25,7 +24,7 @@ from atlantis_netcfg.core.processes import stop_signals
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.cli.base.arguments import CommandSpec
+    from atlantis_netcfg.cli.base.syntax import CommandSpec
 
 __all__ = ["main"]
 
@@ -34,7 +33,7 @@ _OBJECTS = 50_000
 _HELP = frozenset({"-h", "--help"})
 
 
-def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = COMMANDS) -> int:
+def main(argv: Sequence[str] | None = None, *, table: Mapping[str, str] = commands.COMMANDS) -> int:
     """Run one command line and give its exit code; `table` stands in for the commands in tests."""
     command_line = list(sys.argv[1:] if argv is None else argv)
     gc.set_threshold(_OBJECTS)
@@ -91,12 +90,12 @@ class _CommandLine:
             self.command_line = [*self.command_line[1:], "--help"]
         if group := self._group():
             return _print_group(group, self.table)
-        name, rest = choose(self.command_line, self.table)
-        entry = load(name, self.table)
+        name, rest = commands.choose(self.command_line, self.table)
+        entry = commands.load(name, self.table)
         self.command = entry.command
         if _HELP & set(rest):
             return _print_help(entry.command)
-        from atlantis_netcfg.cli.base.arguments import parse
+        from atlantis_netcfg.cli.base.syntax import parse
         from atlantis_netcfg.core import temporary
 
         arguments = parse(entry.command, rest)

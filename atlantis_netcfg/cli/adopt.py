@@ -9,17 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    ONLY,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
@@ -38,27 +28,29 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.first_contact.steps import AdoptionOutcome
 
 
-ADOPT = CommandSpec(
+ADOPT = syntax.CommandSpec(
     "adopt",
     "bring a router from its factory state to where `provision site=…` can talk to it",
-    group=Group.DEVICE,
+    group=syntax.Group.DEVICE,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("device", "the router of it", is_required=True, example="coastal-router", values=Values.HOST),
-        Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
-        Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
-        Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
-        Word("wait", "seconds to wait for the laptop on the management port; 600 if left out", example="600"),
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("device", "the router of it", is_required=True, example="coastal-router", values=Values.HOST),
+        syntax.Word("via", "`ssh`, or the serial line that it is on", example="serial:/dev/ttyUSB0"),
+        syntax.Word("address", "where it answers now, if not at 192.168.88.1", example="192.168.88.1"),
+        syntax.Word("password-file", "file (mode 0600) with the password of the factory's user", example="sticker.txt"),
+        syntax.Word("wait", "seconds to wait for the laptop on the management port; 600 if left out", example="600"),
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "look at the device, show the steps, change nothing", harmless=True),
-        Flag("rehearse", "the same against an emulated router that comes out of its box", harmless=True),
-        Flag("take-over", "also a router that somebody has configured; its export is saved first"),
-        Flag("replaced", "it is another box than before, or was reset: forget the certificate and host key of before"),
-        Flag("yes", "do not ask before changing the router"),
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("plan", "look at the device, show the steps, change nothing", harmless=True),
+        syntax.Flag("rehearse", "the same against an emulated router that comes out of its box", harmless=True),
+        syntax.Flag("take-over", "also a router that somebody has configured; its export is saved first"),
+        syntax.Flag(
+            "replaced", "it is another box than before, or was reset: forget the certificate and host key of before"
+        ),
+        syntax.Flag("yes", "do not ask before changing the router"),
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details="It may be repeated after a break at any moment: it goes on where it stopped.",
     changes=True,
@@ -66,7 +58,7 @@ ADOPT = CommandSpec(
 )
 
 
-def run_adopt(arguments: Arguments) -> ExitCode:
+def run_adopt(arguments: syntax.Arguments) -> ExitCode:
     """Look, show the steps, ask, adopt."""
     from contextlib import ExitStack
 
@@ -81,7 +73,7 @@ def run_adopt(arguments: Arguments) -> ExitCode:
         return _close(arguments, adoption.carry_out(_agree(arguments)))
 
 
-def _load_declaration(arguments: Arguments) -> tuple[Declaration, Host]:
+def _load_declaration(arguments: syntax.Arguments) -> tuple[Declaration, Host]:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.passphrase import vault_of
@@ -96,7 +88,7 @@ def _load_declaration(arguments: Arguments) -> tuple[Declaration, Host]:
 
 
 def _adoption(
-    arguments: Arguments,
+    arguments: syntax.Arguments,
     declaration: Declaration,
     host: Host,
     notify: Subscriber,
@@ -149,7 +141,7 @@ def _seconds(text: str | None) -> float:
     return float(text)
 
 
-def _passwords(arguments: Arguments, name: str) -> Iterator[Secret]:
+def _passwords(arguments: syntax.Arguments, name: str) -> Iterator[Secret]:
     """The factory user's: out of the file; or empty, and if that is wrong what a person types."""
     import sys
     from getpass import getpass
@@ -179,7 +171,7 @@ def _from(path: Any) -> Secret:  # noqa: ANN401 - pathlib is imported by the com
     return Secret(text.rstrip("\r\n"))
 
 
-def _agree(arguments: Arguments) -> Callable[[AdoptionOutcome], None]:
+def _agree(arguments: syntax.Arguments) -> Callable[[AdoptionOutcome], None]:
     def agree(adoption: AdoptionOutcome) -> None:
         from atlantis_netcfg.cli.base.consent import require_agreement
 
@@ -199,7 +191,7 @@ def _show(state: str, steps: tuple[str, ...]) -> None:
         print(translate(f"  {number}. {printable.line(step)}"), flush=True)
 
 
-def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
+def _close(arguments: syntax.Arguments, result: AdoptionResult) -> ExitCode:
     from atlantis_netcfg.core import printable
 
     if arguments.flag("json"):
@@ -218,11 +210,11 @@ def _close(arguments: Arguments, result: AdoptionResult) -> ExitCode:
     return result.exit
 
 
-TRUST = CommandSpec(
+TRUST = syntax.CommandSpec(
     "trust",
     "show who answers at the devices of a site, and keep what you agree to",
-    group=Group.DEVICE,
-    words=(Word("site", "the site", is_required=True, example="coastal"), ONLY, INVENTORY),
+    group=syntax.Group.DEVICE,
+    words=(syntax.Word("site", "the site", is_required=True, example="coastal"), syntax.ONLY, syntax.INVENTORY),
     details=(
         "Nobody is told a password: each device shows its certificate or its SSH host key, and you compare it with "
         "what the device prints on its own console. It needs a terminal. For other computers, and for AWX, declare it: "
@@ -231,7 +223,7 @@ TRUST = CommandSpec(
 )
 
 
-def run_trust(arguments: Arguments) -> ExitCode:
+def run_trust(arguments: syntax.Arguments) -> ExitCode:
     """Look at each device, ask where something is new, and keep the answers."""
     import sys
 

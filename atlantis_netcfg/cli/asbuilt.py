@@ -4,20 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    ONLY,
-    PROFILE,
-    VIA,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 
 if TYPE_CHECKING:
@@ -27,23 +14,23 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
 
-ASBUILT = CommandSpec(
+ASBUILT = syntax.CommandSpec(
     "asbuilt",
     "write down what each device of a site says of itself, and what is different",
-    group=Group.DEVICE,
+    group=syntax.Group.DEVICE,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        ONLY,
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.ONLY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("labels", "also a sheet of labels with QR codes, one for each device and each port"),
-        Flag("rehearse", "the same with emulated devices of the site, configured first"),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("labels", "also a sheet of labels with QR codes, one for each device and each port"),
+        syntax.Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Nothing is changed. The record is kept as page, PDF and JSON below the state folder. Exit code 0: every "
@@ -52,7 +39,7 @@ ASBUILT = CommandSpec(
 )
 
 
-def run_asbuilt(arguments: Arguments) -> ExitCode:
+def run_asbuilt(arguments: syntax.Arguments) -> ExitCode:
     """Ask every device at once, keep the record, tell."""
     import sys
 

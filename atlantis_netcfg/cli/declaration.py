@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -23,17 +23,20 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.standing_traffic import StandingTraffic
 
 
-VALIDATE = CommandSpec(
+VALIDATE = syntax.CommandSpec(
     "validate",
     "check the whole declaration and list every error with its place",
-    group=Group.LAPTOP,
-    words=(INVENTORY,),
-    flags=(Flag("examples", "list every example value that nobody has replaced yet, with its place"), JSON),
+    group=syntax.Group.LAPTOP,
+    words=(syntax.INVENTORY,),
+    flags=(
+        syntax.Flag("examples", "list every example value that nobody has replaced yet, with its place"),
+        syntax.JSON,
+    ),
     details="No device is contacted and no vault password is asked for: vaulted secrets stay closed.",
 )
 
 
-def run_validate(arguments: Arguments) -> ExitCode:
+def run_validate(arguments: syntax.Arguments) -> ExitCode:
     """Say what was checked, or list every error."""
     from pathlib import Path
 
@@ -63,7 +66,7 @@ def _refuse(error: InventoryInvalid, inventory: Path, *, as_json: bool) -> ExitC
     return error.exit
 
 
-def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: Arguments) -> ExitCode:
+def _confirm(declaration: Declaration, warnings: Sequence[Finding], arguments: syntax.Arguments) -> ExitCode:
     import dataclasses
     from collections import Counter
 
@@ -139,22 +142,22 @@ def _print_json_counts(code: ExitCode, inventory: Path, **more: object) -> None:
     print(json_text({"exit": int(code), "inventory": str(inventory), **more}))
 
 
-DDS = CommandSpec(
+DDS = syntax.CommandSpec(
     "dds",
     "make the DDS profiles of a gateway or control centre, one set for each link of its site",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("host", "the computer", is_required=True, example="coastal-gateway"),
-        Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("host", "the computer", is_required=True, example="coastal-gateway"),
+        syntax.Word("to", "write the files into this folder, one folder below it for each link", example="profiles"),
+        syntax.Word(
             "distribution",
             "for this release instead of the declared one; pypi is a computer with `pip install cyclonedds`",
             choices=("foxy", "humble", "jazzy", "pypi"),
         ),
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(Flag("show", "print the files"), JSON),
+    flags=(syntax.Flag("show", "print the files"), syntax.JSON),
     details=(
         "No device is contacted: what is written here goes to /etc/atlantis/dds of the computer. Participants find "
         "each other by the declared addresses, without multicast, and outlive a satellite's silence of 70 s."
@@ -162,7 +165,7 @@ DDS = CommandSpec(
 )
 
 
-def run_dds(arguments: Arguments) -> ExitCode:
+def run_dds(arguments: syntax.Arguments) -> ExitCode:
     """Make the files, write or print them, and say what they hold."""
     from pathlib import Path
 

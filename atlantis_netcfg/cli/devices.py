@@ -4,22 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    CHANGE,
-    INVENTORY,
-    JSON,
-    ONLY,
-    PROFILE,
-    VERBOSE,
-    VIA,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
@@ -38,30 +23,30 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs.report.drift import DriftReport
 
 
-DRIFT = CommandSpec(
+DRIFT = syntax.CommandSpec(
     "drift",
     "say what differs from the declaration, who owns it and since when, changing nothing",
-    group=Group.FIRST,
+    group=syntax.Group.FIRST,
     words=(
-        Word("site", "the site; all of them if left out", example="coastal"),
-        ONLY,
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site; all of them if left out", example="coastal"),
+        syntax.ONLY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("limit", "the same as `only=`, as Ansible calls it", takes="HOSTS"),
-        Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
-        Flag("rehearse", "the same against emulated devices of the site, as they are after `provision adopt`"),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("limit", "the same as `only=`, as Ansible calls it", takes="HOSTS"),
+        syntax.Flag("junit", "write a JUnit file for a build server: a suite a device, a case a menu", takes="FILE"),
+        syntax.Flag("rehearse", "the same against emulated devices of the site, as they are after `provision adopt`"),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details="Exit code 6 says that something differs, 0 that nothing does, 4 that a device could not be read.",
 )
 
 
-def run_drift(arguments: Arguments) -> ExitCode:
+def run_drift(arguments: syntax.Arguments) -> ExitCode:
     """Read every device, compare, report."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
@@ -141,26 +126,26 @@ def _write(path: Path, data: bytes) -> None:
         raise UsageError(f"{path} cannot be written: {reason}", hint="name another file with `--junit`") from error
 
 
-BACKUP = CommandSpec(
+BACKUP = syntax.CommandSpec(
     "backup",
     "save the full state of a site's devices, changing nothing",
-    group=Group.TROUBLE,
+    group=syntax.Group.TROUBLE,
     words=(
-        Word("site", "the site, or `all`", is_required=True, example="coastal"),
-        ONLY,
-        INVENTORY,
+        syntax.Word("site", "the site, or `all`", is_required=True, example="coastal"),
+        syntax.ONLY,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag(
+        syntax.Flag(
             "rehearse",
             "the same against emulated devices of the site, as they are after `provision adopt`",
             harmless=True,
         ),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
+        syntax.VERBOSE,
     ),
     details=(
         "The saved export hides secrets, as RouterOS does; they are not in the backup.\n"
@@ -169,7 +154,7 @@ BACKUP = CommandSpec(
 )
 
 
-def run_backup(arguments: Arguments) -> ExitCode:
+def run_backup(arguments: syntax.Arguments) -> ExitCode:
     """Save an export of each device under a run of its own."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
@@ -182,29 +167,29 @@ def run_backup(arguments: Arguments) -> ExitCode:
     return site_session.close(report)
 
 
-VERIFY = CommandSpec(
+VERIFY = syntax.CommandSpec(
     "verify",
     "show which assumptions about RouterOS or RutOS hold on a device, with evidence",
-    group=Group.DEVICE,
+    group=syntax.Group.DEVICE,
     words=(
-        Word(
+        syntax.Word(
             "device",
             "a RouterOS device or a RutOS unit",
             is_required=True,
             example="coastal-router",
             values=Values.HOST,
         ),
-        VIA,
-        INVENTORY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("try", "also what needs a write: scratch rows under safe mode, taken back at once"),
-        Flag("silence", "also what takes ten minutes: a session that holds safe mode and falls silent"),
-        Flag("rehearse", "the same with the emulated device", harmless=True),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("try", "also what needs a write: scratch rows under safe mode, taken back at once"),
+        syntax.Flag("silence", "also what takes ten minutes: a session that holds safe mode and falls silent"),
+        syntax.Flag("rehearse", "the same with the emulated device", harmless=True),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Without `--try` the device is only read. The report is also written to a file that can be sent back. Exit "
@@ -215,7 +200,7 @@ VERIFY = CommandSpec(
 )
 
 
-def run_verify(arguments: Arguments) -> ExitCode:
+def run_verify(arguments: syntax.Arguments) -> ExitCode:
     """Ask what it may cost, ask the device, tell."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.session import session
@@ -308,32 +293,34 @@ def _pay(session: CommandSession, verifying: Verifying) -> None:
         return
     if cost.over_cap:
         raise cost.refusal()
-    pay([cost.words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
+    pay([cost.words], is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
 
-RESTORE = CommandSpec(
+RESTORE = syntax.CommandSpec(
     "restore",
     "put the state that a run has read back on a replacement device",
-    group=Group.DEVICE,
+    group=syntax.Group.DEVICE,
     words=(
-        Word("device", "the device that is replaced", is_required=True, example="coastal-router", values=Values.HOST),
-        Word("site", "its site, if you want that checked", example="coastal"),
-        Word(
+        syntax.Word(
+            "device", "the device that is replaced", is_required=True, example="coastal-router", values=Values.HOST
+        ),
+        syntax.Word("site", "its site, if you want that checked", example="coastal"),
+        syntax.Word(
             "to",
             "the run whose state it gets, as `provision runs` lists it, or `latest`",
             is_required=True,
             example="latest",
             values=Values.RUN_OR_LATEST,
         ),
-        VIA,
-        INVENTORY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
-        PROFILE,
-        Flag("yes", "do not ask before changing the device"),
-        *CHANGE,
+        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        syntax.Flag("rehearse", "the same on an emulated device, fresh from `provision adopt`", harmless=True),
+        syntax.PROFILE,
+        syntax.Flag("yes", "do not ask before changing the device"),
+        *syntax.CHANGE,
     ),
     details=(
         "Meet the replacement first: `provision adopt --replaced` gives it our user and a certificate of its own.\n"
@@ -344,7 +331,7 @@ RESTORE = CommandSpec(
 )
 
 
-def run_restore(arguments: Arguments) -> ExitCode:
+def run_restore(arguments: syntax.Arguments) -> ExitCode:
     """Find the state, show what it changes on the device, ask, apply, read back."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import ALL
@@ -391,32 +378,32 @@ def _tell(session: CommandSession, state: SavedState) -> None:
         )
 
 
-UPGRADE = CommandSpec(
+UPGRADE = syntax.CommandSpec(
     "upgrade",
     "put given RouterOS packages on one device, reboot it, and read back what runs",
-    group=Group.DEVICE,
+    group=syntax.Group.DEVICE,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("device", "the device of it", is_required=True, example="coastal-router", values=Values.HOST),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("device", "the device of it", is_required=True, example="coastal-router", values=Values.HOST),
+        syntax.Word(
             "packages",
             "the `.npk` files, all of one version",
             is_required=True,
             many=True,
             example="routeros-7.21.5-arm64.npk",
         ),
-        Word("drop", "installed packages to lose, for which there is no file", many=True, example="container"),
-        VIA,
-        INVENTORY,
+        syntax.Word("drop", "installed packages to lose, for which there is no file", many=True, example="container"),
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),
-        Flag("rehearse", "the same against the emulated device", harmless=True),
-        PROFILE,
-        Flag("yes", "do not ask before sending and rebooting"),
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("plan", "show what would happen and what it costs, change nothing", harmless=True),
+        syntax.Flag("rehearse", "the same against the emulated device", harmless=True),
+        syntax.PROFILE,
+        syntax.Flag("yes", "do not ask before sending and rebooting"),
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details="Nothing is downloaded. The device reboots; what it feeds and carries is down meanwhile.",
     changes=True,
@@ -424,7 +411,7 @@ UPGRADE = CommandSpec(
 )
 
 
-def run_upgrade(arguments: Arguments) -> ExitCode:
+def run_upgrade(arguments: syntax.Arguments) -> ExitCode:
     """Read the files, look at the device, show, ask, send, reboot, read back."""
     from pathlib import Path
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.cli.robot import ADDRESS
 from atlantis_netcfg.core.language import translate
@@ -20,26 +20,28 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.fit.link_capacity import Capacity
     from atlantis_netcfg.operations.fit.measured_telemetry import MeasuredTelemetry, TelemetryChange
 
-_WRITE = Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
+_WRITE = syntax.Flag("write", "write what was heard into the inventory, as `telemetry:` of the vehicle")
 
-FIT = CommandSpec(
+FIT = syntax.CommandSpec(
     "fit",
     "say whether what a vehicle publishes fits each link of a site, what to thin, and what it costs",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("vehicle", "whose `telemetry:` is taken", is_required=True, example="sparus"),
-        Word("link", "this link alone; all of the site if left out", example="satellite"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("vehicle", "whose `telemetry:` is taken", is_required=True, example="sparus"),
+        syntax.Word("link", "this link alone; all of the site if left out", example="satellite"),
+        syntax.Word(
             "run",
             "a measurement of the site, instead of the newest one of each link",
             example="satellite-20261126T022248Z",
         ),
-        Word("observed", "listen so long, and take what it is heard to publish, not `telemetry:`", example="30s"),
+        syntax.Word(
+            "observed", "listen so long, and take what it is heard to publish, not `telemetry:`", example="30s"
+        ),
         ADDRESS,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(_WRITE, JSON),
+    flags=(_WRITE, syntax.JSON),
     details=(
         "It is reckoned from topics, sizes and rates, and from what a link was measured to carry, else from its "
         "declared rate. Nothing is contacted without `observed=`, which listens as `robot discover` does, best in the "
@@ -50,7 +52,7 @@ FIT = CommandSpec(
 _WIDTH = 80
 
 
-def run_fit(arguments: Arguments) -> ExitCode:
+def run_fit(arguments: syntax.Arguments) -> ExitCode:
     """Work it out and tell."""
     import sys
     from pathlib import Path
@@ -88,7 +90,7 @@ def run_fit(arguments: Arguments) -> ExitCode:
 
 
 def _listen(
-    arguments: Arguments, declaration: Declaration
+    arguments: syntax.Arguments, declaration: Declaration
 ) -> tuple[MeasuredTelemetry, TelemetryChange] | tuple[None, None]:
     """Listen where that was asked for, and write what was heard where that was. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError

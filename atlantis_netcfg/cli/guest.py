@@ -10,7 +10,7 @@ from __future__ import annotations
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
@@ -29,44 +29,50 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.requests import DeviceWords
 
 _AGAIN = "what was recorded stands: type the same again, or take all of it back with `provision guest end name=NAME`"
-_PLAN = Flag("plan", "only say what would be done", harmless=True)
+_PLAN = syntax.Flag("plan", "only say what would be done", harmless=True)
 
-GUEST_ADD = CommandSpec(
+GUEST_ADD = syntax.CommandSpec(
     "guest add",
     "let a robot in that is here for a while: its entry, its checklist, its way into the VPN with an end, its DDS",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("name", "its key in the declaration, and its device's name in the VPN", is_required=True, example="lauv"),
-        Word("partner", "whose robot it is", is_required=True, example="iqua"),
-        Word("kind", "what sort of robot it is", is_required=True, choices=("auv", "asv", "uav", "rov")),
-        Word(
+        syntax.Word(
+            "name", "its key in the declaration, and its device's name in the VPN", is_required=True, example="lauv"
+        ),
+        syntax.Word("partner", "whose robot it is", is_required=True, example="iqua"),
+        syntax.Word("kind", "what sort of robot it is", is_required=True, choices=("auv", "asv", "uav", "rov")),
+        syntax.Word(
             "until",
             "its last day here; no certificate of it is good for longer",
             is_required=True,
             example="2026-12-31",
         ),
-        Word("site", "where it is tested", is_required=True, many=True, example="coastal"),
-        Word(
+        syntax.Word("site", "where it is tested", is_required=True, many=True, example="coastal"),
+        syntax.Word(
             "cells",
             "what it has: a person confirms each in the checklist, until `endpoints` are declared",
             is_required=True,
             many=True,
             choices=("wifi", "acoustic", "satellite", "usbl", "rc_rf", "4g", "gps", "ethernet"),
         ),
-        Word("title", "what people call it; its name if left out", example="LAUV"),
-        Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
-        Word("distribution", "its ROS 2: foxy, humble or jazzy; that of the pilot if left out", example="humble"),
-        Word(
+        syntax.Word("title", "what people call it; its name if left out", example="LAUV"),
+        syntax.Word(
+            "link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"
+        ),
+        syntax.Word(
+            "distribution", "its ROS 2: foxy, humble or jazzy; that of the pilot if left out", example="humble"
+        ),
+        syntax.Word(
             "openvpn", "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; that of the Ubuntu of its ROS 2 if left out", example="2.6"
         ),
-        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(_PLAN, NO_PUSH, PASSPHRASE_FD, JSON),
+    flags=(_PLAN, NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "It writes guests.yml of the declaration, validated with all of it before, and no other file of yours. "
         "Repeating it makes nothing new, and completes what was stopped. Exit code 2: `--plan` has something to do."
@@ -76,13 +82,13 @@ GUEST_ADD = CommandSpec(
 )
 
 
-def run_guest_add(arguments: Arguments) -> ExitCode:
+def run_guest_add(arguments: syntax.Arguments) -> ExitCode:
     """Check everything, declare, issue, hand out, tell the server. Raises SiteBusy while another one does so."""
     with _alone(arguments):
         return _add(arguments)
 
 
-def _add(arguments: Arguments) -> ExitCode:
+def _add(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common, members
     from atlantis_netcfg.operations import guests
     from atlantis_netcfg.operations.common import inventory_files
@@ -116,7 +122,7 @@ def _add(arguments: Arguments) -> ExitCode:
     return members.close(arguments, declaration, packages, server, authority, more=more)
 
 
-def _alone(arguments: Arguments) -> AbstractContextManager[object]:
+def _alone(arguments: syntax.Arguments) -> AbstractContextManager[object]:
     """The lock of whoever changes guests on this computer: of two at once, one would write away what the other has."""
     if arguments.flag("plan"):
         return nullcontext()
@@ -127,7 +133,7 @@ def _alone(arguments: Arguments) -> AbstractContextManager[object]:
     return SiteLock(paths.state_dir() / "guests.lock", "the file of guests", command)
 
 
-def _entry(arguments: Arguments) -> GuestEntry:
+def _entry(arguments: syntax.Arguments) -> GuestEntry:
     """What was typed. Raises UsageError for a name or a day that is none; the rest is judged with the declaration."""
     from datetime import date
 
@@ -188,7 +194,7 @@ def _refuse_unknown(declaration: Declaration, entry: GuestEntry) -> None:
                 raise UsageError(f"`{word}={each}`: there is no such {word}", hint=hint)
 
 
-def _device(arguments: Arguments, entry: GuestEntry) -> DeviceWords:
+def _device(arguments: syntax.Arguments, entry: GuestEntry) -> DeviceWords:
     """The same as the words of `vpn onboard`."""
     from atlantis_netcfg.vpn.requests import DeviceWords
 
@@ -234,7 +240,7 @@ def _steps_of_add(entry: GuestEntry, request: EnrolmentRequest, *, is_declared: 
     return steps
 
 
-def _tell_plan(arguments: Arguments, steps: Sequence[str]) -> ExitCode:
+def _tell_plan(arguments: syntax.Arguments, steps: Sequence[str]) -> ExitCode:
     """Say what would be done; nothing was changed."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
@@ -252,25 +258,25 @@ def _lines_of_add(entry: GuestEntry, *, already: bool) -> list[str]:
     return [f"{entry.name}: {how} {FILE}, a guest until {entry.until}", *checks]
 
 
-def _say(arguments: Arguments, lines: Sequence[str]) -> None:
+def _say(arguments: syntax.Arguments, lines: Sequence[str]) -> None:
     from atlantis_netcfg.core import printable
 
     for line in () if arguments.flag("json") else lines:
         print(printable.line(translate(line)), flush=True)
 
 
-GUEST_END = CommandSpec(
+GUEST_END = syntax.CommandSpec(
     "guest end",
     "take a guest away: out of the VPN for good and out of the declaration, and see that nothing of it is left",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("name", "the guest", is_required=True, example="lauv"),
-        Word("reason", "for the record, one line; `its stay has ended` if left out"),
+        syntax.Word("name", "the guest", is_required=True, example="lauv"),
+        syntax.Word("reason", "for the record, one line; `its stay has ended` if left out"),
         CLOCK,
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(_PLAN, Flag("yes", "do not ask before it is cut off"), NO_PUSH, PASSPHRASE_FD, JSON),
+    flags=(_PLAN, syntax.Flag("yes", "do not ask before it is cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "Signed checklists and the record of the VPN stay: they say what was. Exit code 5: all is recorded and taken "
         "away, but the server does not have it yet, and whoever is connected stays so until `provision vpn sync`."
@@ -280,13 +286,13 @@ GUEST_END = CommandSpec(
 )
 
 
-def run_guest_end(arguments: Arguments) -> ExitCode:
+def run_guest_end(arguments: syntax.Arguments) -> ExitCode:
     """Ask, revoke, take the entry away, tell the server, look. Raises SiteBusy while another one does so."""
     with _alone(arguments):
         return _end(arguments)
 
 
-def _end(arguments: Arguments) -> ExitCode:
+def _end(arguments: syntax.Arguments) -> ExitCode:
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.atomic_files import remove_orphans
     from atlantis_netcfg.operations import guests
@@ -332,7 +338,7 @@ def _to_revoke(authority: Authority, members: Sequence[Member]) -> tuple[Member,
     )
 
 
-def _agree(arguments: Arguments, name: str, steps: Sequence[str]) -> None:
+def _agree(arguments: syntax.Arguments, name: str, steps: Sequence[str]) -> None:
     """Show what will be done, and return when a person agrees. Raises Declined, UsageError."""
     from atlantis_netcfg.cli.base.consent import require_agreement
 
@@ -342,7 +348,7 @@ def _agree(arguments: Arguments, name: str, steps: Sequence[str]) -> None:
 
 
 def _put_out(
-    arguments: Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
+    arguments: syntax.Arguments, after: Declaration, authority: Authority, members: Sequence[Member], reason: str
 ) -> DeployResult:
     """Record that they are revoked, and see that the server lets none of them in any more."""
     from atlantis_netcfg.cli.base.output import progress
@@ -359,7 +365,7 @@ def _put_out(
 
 
 def _tell_end(
-    arguments: Arguments,
+    arguments: syntax.Arguments,
     members: Sequence[Member],
     deployment: DeployResult,
     leftovers: Sequence[str],

@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import FRAME, JSON, Arguments, CommandSpec, Group
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -18,13 +18,11 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli.base.arguments import Word
+
+HELP = syntax.CommandSpec("help", "print this overview", group=syntax.Group.LAPTOP)
 
 
-HELP = CommandSpec("help", "print this overview", group=Group.LAPTOP)
-
-
-def run_help(_arguments: Arguments) -> ExitCode:
+def run_help(_arguments: syntax.Arguments) -> ExitCode:
     """Print the commands and the exit codes."""
     print(overview(COMMANDS))
     return ExitCode.DONE
@@ -77,20 +75,20 @@ def of_group(word: str, table: Mapping[str, str]) -> str:
     return "\n".join([*lines, "", *_columns((command.name, translate(command.summary)) for command in commands)])
 
 
-def _command_form(command: CommandSpec) -> str:
+def _command_form(command: syntax.CommandSpec) -> str:
     """How a person types it: of the default command its first word is the name."""
     return "site=NAME" if command.name == DEFAULT else command.name
 
 
-def group_commands(commands: Sequence[CommandSpec]) -> Iterator[tuple[str, list[CommandSpec]]]:
+def group_commands(commands: Sequence[syntax.CommandSpec]) -> Iterator[tuple[str, list[syntax.CommandSpec]]]:
     """The commands by the title of their group, in the order of the groups; none is left out."""
-    for group in (*Group, None):
+    for group in (*syntax.Group, None):
         members = [command for command in commands if command.group is group]
         if members:
             yield group.value if group is not None else "Other commands", members
 
 
-def of_command(command: CommandSpec) -> str:
+def of_command(command: syntax.CommandSpec) -> str:
     """What `provision COMMAND --help` prints."""
     required_words = [word.usage for word in command.words if word.is_required]
     optional = [f"[{word.usage}]" for word in command.words if not word.is_required]
@@ -99,14 +97,14 @@ def of_command(command: CommandSpec) -> str:
     lines += _wrap_usage(f"provision {command.name}", [*required_words, *optional, *flags])
     if command.words:
         lines += ["", f"{translate('Words')}:", *_columns((word.usage, word_text(word)) for word in command.words)]
-    rows = ((flag.usage, translate(flag.help)) for flag in (*command.flags, *FRAME))
+    rows = ((flag.usage, translate(flag.help)) for flag in (*command.flags, *syntax.FRAME))
     lines += ["", f"{translate('Flags')}:", *_columns(rows)]
     for paragraph in command.details.strip().splitlines():
         lines += ["", *_paragraph(paragraph)]
     return "\n".join(lines)
 
 
-def word_text(word: Word) -> str:
+def word_text(word: syntax.Word) -> str:
     """What help says about a word: its choices too, where they do not stand in its form."""
     text = translate(word.help)
     if word.choices and "|".join(word.choices) not in word.usage:
@@ -155,12 +153,15 @@ def _fill(text: str, width: int) -> list[str]:
     return [line.replace(_NO_BREAK, " ") for line in lines]
 
 
-VERSION = CommandSpec(
-    "version", "print the versions of provision, Python and ansible-core", flags=(JSON,), group=Group.LAPTOP
+VERSION = syntax.CommandSpec(
+    "version",
+    "print the versions of provision, Python and ansible-core",
+    flags=(syntax.JSON,),
+    group=syntax.Group.LAPTOP,
 )
 
 
-def run_version(arguments: Arguments) -> ExitCode:
+def run_version(arguments: syntax.Arguments) -> ExitCode:
     """Print the versions without importing what they belong to."""
     versions = _versions()
     if arguments.flag("json"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers
 
 
-INIT = CommandSpec(
+INIT = syntax.CommandSpec(
     "init",
     "make an inventory of your own, by questions on the terminal",
-    group=Group.LAPTOP,
-    words=(Word("folder", "the new folder", is_required=True, example="my-pilot", bare=True),),
+    group=syntax.Group.LAPTOP,
+    words=(syntax.Word("folder", "the new folder", is_required=True, example="my-pilot", bare=True),),
     flags=(
-        Flag("from", "`example`: copy the shipped inventory, without questions", takes="example"),
-        Flag("answers", "read the answers from this file (YAML) instead of asking", takes="FILE"),
-        JSON,
+        syntax.Flag("from", "`example`: copy the shipped inventory, without questions", takes="example"),
+        syntax.Flag("answers", "read the answers from this file (YAML) instead of asking", takes="FILE"),
+        syntax.JSON,
     ),
     details=(
         "No device is contacted. Enter without an answer leaves the feature out, or writes a value that is marked "
@@ -35,7 +35,7 @@ INIT = CommandSpec(
 )
 
 
-def run_init(arguments: Arguments) -> ExitCode:
+def run_init(arguments: syntax.Arguments) -> ExitCode:
     """Collect the answers, write the folder, and say what is in it."""
     from pathlib import Path
 
@@ -62,7 +62,7 @@ def run_init(arguments: Arguments) -> ExitCode:
     return _confirm(folder, declaration, is_encrypted=encrypt is not None, as_json=as_json)
 
 
-def _source(arguments: Arguments) -> str:
+def _source(arguments: syntax.Arguments) -> str:
     """`example`, `questions`, or the path of the file with the answers. Raises UsageError."""
     import sys
 

@@ -6,7 +6,7 @@ import sys
 import textwrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, INVENTORY, JSON, VIA, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 
 if TYPE_CHECKING:
@@ -16,12 +16,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.core.printable import Row, StyledText
     from atlantis_netcfg.operations.doctor import Diagnosis, DoctorItem
 
-DOCTOR = CommandSpec(
+DOCTOR = syntax.CommandSpec(
     "doctor",
     "look at this laptop, and say what it lacks for a site",
-    words=(Word("site", "also the way from here to this site's router", example="coastal"), VIA, INVENTORY),
-    flags=(ASK_VAULT_PASS, JSON),
-    group=Group.LAPTOP,
+    words=(
+        syntax.Word("site", "also the way from here to this site's router", example="coastal"),
+        syntax.VIA,
+        syntax.INVENTORY,
+    ),
+    flags=(syntax.ASK_VAULT_PASS, syntax.JSON),
+    group=syntax.Group.LAPTOP,
     details=(
         "Nothing is changed, on this laptop or elsewhere, and no password is sent; only "
         "what killed commands have left is removed, as every command does.\n"
@@ -43,7 +47,7 @@ _NAME = 19
 """Columns of an item's name; a longer one has a line of its own."""
 
 
-def run_doctor(arguments: Arguments) -> ExitCode:
+def run_doctor(arguments: syntax.Arguments) -> ExitCode:
     """Look, and tell."""
     from pathlib import Path
 
@@ -81,7 +85,7 @@ def _refuse_drift(error: ImportError) -> None:
         ) from error
 
 
-def _rows(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
+def _rows(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     from atlantis_netcfg import __version__
     from atlantis_netcfg.core.language import translate
     from atlantis_netcfg.core.printable import Style, StyledText
@@ -105,7 +109,7 @@ def _verdict(item: DoctorItem) -> StyledText:
     return StyledText(f"{item.verdict:<{_WORD}}", styles.get(item.verdict, Style.BAD))
 
 
-def _item_rows(item: DoctorItem, arguments: Arguments) -> Iterator[Row]:
+def _item_rows(item: DoctorItem, arguments: syntax.Arguments) -> Iterator[Row]:
     from atlantis_netcfg.core.language import translate
 
     name = translate(item.name)
@@ -131,7 +135,7 @@ def _wrap(text: str, column: int) -> list[str]:
     return textwrap.wrap(text, _WIDTH - column, break_long_words=False, break_on_hyphens=False) or [""]
 
 
-def _complete_commands(commands: tuple[str, ...], arguments: Arguments) -> list[str]:
+def _complete_commands(commands: tuple[str, ...], arguments: syntax.Arguments) -> list[str]:
     """The commands as they can be typed here: ours with what this one was told, and by the name of the launcher."""
     from atlantis_netcfg.cli.base.output import as_typed, carried_words
 
@@ -139,7 +143,7 @@ def _complete_commands(commands: tuple[str, ...], arguments: Arguments) -> list[
     return [as_typed(f"`{each}`", words).strip("`") for each in commands]
 
 
-def _end(diagnosis: Diagnosis, arguments: Arguments) -> Iterator[Row]:
+def _end(diagnosis: Diagnosis, arguments: syntax.Arguments) -> Iterator[Row]:
     """The last lines: verdict, counts, the worst item, what to type."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.language import translate

@@ -9,24 +9,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    ONLY,
-    PROFILE,
-    VIA,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
@@ -38,22 +25,22 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs.report.links import LinksReport
 
 
-LINKS = CommandSpec(
+LINKS = syntax.CommandSpec(
     "links",
     "say how every link of a site is, which one carries the traffic, and what is wrong",
-    group=Group.FIRST,
+    group=syntax.Group.FIRST,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        ONLY,
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.ONLY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("rehearse", "the same with emulated devices of the site, configured first"),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("rehearse", "the same with emulated devices of the site, configured first"),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Nothing is changed, and nothing is sent over a satellite. Exit code 6 says that a link fails or cannot be "
@@ -62,7 +49,7 @@ LINKS = CommandSpec(
 )
 
 
-def run_links(arguments: Arguments) -> ExitCode:
+def run_links(arguments: syntax.Arguments) -> ExitCode:
     """Ask every box of the site's links at once, and tell."""
     from atlantis_netcfg.cli.base.session import session
 
@@ -110,28 +97,30 @@ _NOT_REHEARSED = (
     "what is beyond the satellite: an OpenVPN here answers for the VPN server, nobody takes TCP or tells the time"
 )
 
-PROVE = CommandSpec(
+PROVE = syntax.CommandSpec(
     "prove",
     "try what the satellite lets through, and what it must not, within 20 kB",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
-        Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("bearer", "the satellite link; may be left out where there is one", example="satellite"),
+        syntax.Word("backup", "a backup that the terminal has exported, to be compared", example="vesselink.bin"),
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"),
-        Flag(
+        syntax.Flag(
+            "open-filter", "open the router's filter for one host at a time: does the terminal enforce anything?"
+        ),
+        syntax.Flag(
             "try-all",
             "also try the VPN over an idle link, TCP targets and the time: rows are added under safe mode and removed",
         ),
-        Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("rehearse", "the same with an emulated router, configured first", harmless=True),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "The router pings from the satellite's own address, targets of yours only. Silence counts after 90 s, "
@@ -143,7 +132,7 @@ PROVE = CommandSpec(
 )
 
 
-def run_prove(arguments: Arguments) -> ExitCode:
+def run_prove(arguments: syntax.Arguments) -> ExitCode:
     """Ask what it may cost, probe, tell."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
@@ -275,4 +264,4 @@ def _pay(session: CommandSession, cost_previews: tuple[Preview, ...]) -> None:
     for item in cost_previews:
         if item.over_cap:
             raise item.refusal()
-    pay(words, is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
+    pay(words, is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)

@@ -9,17 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    ONLY,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -35,27 +25,29 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.image import ImageOrder, MadeImage
 
 
-IMAGE = CommandSpec(
+IMAGE = syntax.CommandSpec(
     "image",
     "customise the vendor's image for a gateway computer, write it to a card, read it back",
-    group=Group.IMAGE,
+    group=syntax.Group.IMAGE,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("host", "the gateway computer of it", is_required=True, example="coastal-gateway"),
-        Word("from", "the vendor's image: raw, xz or gz", is_required=True, example="ubuntu-minimal.img.xz"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("host", "the gateway computer of it", is_required=True, example="coastal-gateway"),
+        syntax.Word("from", "the vendor's image: raw, xz or gz", is_required=True, example="ubuntu-minimal.img.xz"),
+        syntax.Word(
             "to", "the card, by its link in /dev/disk/by-id; all that is on it is lost", example="/dev/disk/by-id/usb-…"
         ),
-        Word(
+        syntax.Word(
             "serial", "the card's or its reader's serial, which says that this disk is meant", example="20090516388200"
         ),
-        Word("sha256", "of the vendor's image; else what lies beside it (x.img.xz.sha256, SHA256SUMS)"),
-        INVENTORY,
+        syntax.Word("sha256", "of the vendor's image; else what lies beside it (x.img.xz.sha256, SHA256SUMS)"),
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("image-only", "keep the customised image as a new file, touch no card", takes="FILE", harmless=True),
-        Flag("yes", "with `serial=`: do not ask before writing"),
-        JSON,
+        syntax.Flag(
+            "image-only", "keep the customised image as a new file, touch no card", takes="FILE", harmless=True
+        ),
+        syntax.Flag("yes", "with `serial=`: do not ask before writing"),
+        syntax.JSON,
     ),
     details="Refused, and nothing written: system disks, disks in use, disks that are not on USB or in an SD/MMC slot.",
     changes=True,
@@ -63,7 +55,7 @@ IMAGE = CommandSpec(
 )
 
 
-def run_image(arguments: Arguments) -> ExitCode:
+def run_image(arguments: syntax.Arguments) -> ExitCode:
     """Check everything that can be known at once, ask, make the image, write it and read it back."""
     from pathlib import Path
 
@@ -85,7 +77,7 @@ def run_image(arguments: Arguments) -> ExitCode:
         return _end_image(order, ready, _keep(ready, file, card), as_json=as_json)
 
 
-def _file(arguments: Arguments) -> Path | None:
+def _file(arguments: syntax.Arguments) -> Path | None:
     """Where the image goes to, if not to a card."""
     from pathlib import Path
 
@@ -105,7 +97,7 @@ def _file(arguments: Arguments) -> Path | None:
     return file
 
 
-def _card(arguments: Arguments, declaration: Declaration) -> Card:
+def _card(arguments: syntax.Arguments, declaration: Declaration) -> Card:
     """The card, once a person has said that this one is meant. Raises DeviceRefused, UsageError, Declined."""
     from pathlib import Path
 
@@ -196,25 +188,29 @@ def _end_image(order: ImageOrder, ready: MadeImage, outcome: dict[str, Any], *, 
     return ExitCode.DONE
 
 
-BUNDLE = CommandSpec(
+BUNDLE = syntax.CommandSpec(
     "bundle",
     "pack everything that the gateways of a site take from the internet, for where there is none",
-    group=Group.IMAGE,
+    group=syntax.Group.IMAGE,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        ONLY,
-        Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
-        Word("image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"),
-        Word("status", "a copy of the board's /var/lib/dpkg/status says it; without either the board is asked by SSH"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.ONLY,
+        syntax.Word("to", "the bundle, a folder; by default one in the state directory", example="/media/usb/coastal"),
+        syntax.Word(
+            "image", "the vendor's image: says what is on the board already, and is packed too", example="x.img.xz"
+        ),
+        syntax.Word(
+            "status", "a copy of the board's /var/lib/dpkg/status says it; without either the board is asked by SSH"
+        ),
+        syntax.Word(
             "mirror", "of the distribution's archive, in place of its own", example="http://mirror.example.org/ubuntu"
         ),
-        Word("keyring", "the key of that archive, in place of the one on this computer", example="archive.gpg"),
-        Word("check", "open this bundle instead, and say whether it is whole and has what is declared"),
-        Word("key", "with `check=`: take bundles signed by this key from now on", example="4B63CF8F…"),
-        INVENTORY,
+        syntax.Word("keyring", "the key of that archive, in place of the one on this computer", example="archive.gpg"),
+        syntax.Word("check", "open this bundle instead, and say whether it is whole and has what is declared"),
+        syntax.Word("key", "with `check=`: take bundles signed by this key from now on", example="4B63CF8F…"),
+        syntax.INVENTORY,
     ),
-    flags=(ASK_VAULT_PASS, JSON),
+    flags=(syntax.ASK_VAULT_PASS, syntax.JSON),
     details=(
         "Needs apt, gpg and git, and no root; the board may be of another architecture. What was fetched before is not "
         "fetched again. `provision site=S --offline BUNDLE` then takes nothing from anywhere else."
@@ -222,7 +218,7 @@ BUNDLE = CommandSpec(
 )
 
 
-def run_bundle(arguments: Arguments) -> ExitCode:
+def run_bundle(arguments: syntax.Arguments) -> ExitCode:
     """Make the bundle, or open one, and say what is in it."""
     from pathlib import Path
 
@@ -245,7 +241,7 @@ def run_bundle(arguments: Arguments) -> ExitCode:
     return _make(arguments, declaration, hosts, request)
 
 
-def _refuse_both(arguments: Arguments) -> None:
+def _refuse_both(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.core.errors import UsageError
 
     if arguments.optional("image") is not None and arguments.optional("status") is not None:
@@ -258,7 +254,7 @@ def _refuse_both(arguments: Arguments) -> None:
         )
 
 
-def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
+def _make(arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Host, ...], request: Request) -> ExitCode:
     from pathlib import Path
 
     from atlantis_netcfg.cli.base.output import progress
@@ -294,7 +290,7 @@ def _make(arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...
 
 
 def _check(
-    arguments: Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
+    arguments: syntax.Arguments, declaration: Declaration, hosts: tuple[Host, ...], place: Path, request: Request
 ) -> ExitCode:
     from atlantis_netcfg.operations.bundle import open_for_hosts
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, YES, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
@@ -23,30 +23,32 @@ if TYPE_CHECKING:
 _FORMAT = "atlantis-plan-2"
 _KEYS = {"format", "site", "only", "via", "offline", "rehearsed", "revision", "plans", "text", "sha256"}
 
-APPLY = CommandSpec(
+APPLY = syntax.CommandSpec(
     "apply",
     "apply a saved plan, if inventory and devices are as they were",
     words=(
-        Word("file", "the file that `--plan --save FILE` wrote", is_required=True, example="coastal.plan", bare=True),
-        INVENTORY,
+        syntax.Word(
+            "file", "the file that `--plan --save FILE` wrote", is_required=True, example="coastal.plan", bare=True
+        ),
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show the saved plan; no device is contacted", harmless=True),
-        YES,
-        *CHANGE,
+        syntax.Flag("plan", "show the saved plan; no device is contacted", harmless=True),
+        syntax.YES,
+        *syntax.CHANGE,
     ),
     details=(
         "Site, hosts and link are those of the plan. It is refused when the file or the inventory has changed (exit "
         "code 3), or when a device is no longer as it was (exit code 4); a device that is as planned already counts as "
         "done. A plan of a rehearsal is carried out in a rehearsal."
     ),
-    group=Group.PLAN,
+    group=syntax.Group.PLAN,
     changes=True,
     plays=True,
 )
 
 
-def run_apply(arguments: Arguments) -> ExitCode:
+def run_apply(arguments: syntax.Arguments) -> ExitCode:
     """Read the plan, look whether it still holds, ask, apply, read back."""
     from pathlib import Path
 

@@ -4,24 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    PROFILE,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
     from decimal import Decimal
 
-    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.core.events import Subscriber
@@ -34,44 +23,46 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.qualify.result import QualifyResult
     from atlantis_netcfg.operations.qualify.several import SeveralResults
 
-QUALIFY = CommandSpec(
+QUALIFY = syntax.CommandSpec(
     "qualify",
     "measure whether a link carries the mission: delay, loss, gaps, rates",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word(
+        syntax.Word(
             "site",
             "the site, in whose LAN or management network this computer stands",
             is_required=True,
             example="coastal",
         ),
-        Word("link", "the link, or `all`; may be left out where there is one", example="satellite"),
-        Word(
+        syntax.Word("link", "the link, or `all`; may be left out where there is one", example="satellite"),
+        syntax.Word(
             "profile",
             "what is sent: small messages, images, as much as the link carries, or all of it (if left out: telemetry)",
             choices=("telemetry", "images", "throughput", "all"),
         ),
-        Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
-        Word(
+        syntax.Word("over", "`vpn`: through this computer's own tunnel, which is led over the link", choices=("vpn",)),
+        syntax.Word(
             "far",
             "a reflector of others that answers STAMP (RFC 8762), in place of the declared far end; profile telemetry",
             example="192.0.2.7",
         ),
-        INVENTORY,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("max-mb", "stop before more has passed, both ways together, in 10^6 bytes", takes="N"),
-        Flag("max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"),
-        Flag("max-minutes", "stop before it takes longer", takes="M"),
-        Flag(
+        syntax.Flag("max-mb", "stop before more has passed, both ways together, in 10^6 bytes", takes="N"),
+        syntax.Flag(
+            "max-eur", "stop before it costs more; the tariff of the link has to be declared, in EUR", takes="X"
+        ),
+        syntax.Flag("max-minutes", "stop before it takes longer", takes="M"),
+        syntax.Flag(
             "rehearse",
             "the same with an emulated router, link and far end; over a slow link it takes minutes",
             harmless=True,
         ),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "The site's traffic is not moved: for this computer's test packets alone (`over=vpn`: for its tunnel) the "
@@ -87,7 +78,7 @@ QUALIFY = CommandSpec(
 _LED_ALONG = "whatever else is in this computer's tunnel goes there as well, beside the limits: close what you can"
 
 
-def run_qualify(arguments: Arguments) -> ExitCode:
+def run_qualify(arguments: syntax.Arguments) -> ExitCode:
     """Say what it costs, measure one link after the other, tell."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
@@ -151,24 +142,24 @@ def _not_rehearsed(session: CommandSession) -> tuple[str, ...]:
     return tuple(f"  not rehearsed: {each}" for each in not_rehearsed(session.rehearsal, over_vpn=over_vpn))
 
 
-def _over_vpn(arguments: Arguments) -> bool:
+def _over_vpn(arguments: syntax.Arguments) -> bool:
     return arguments.optional("over") is not None
 
 
-def _far_end(declaration: Declaration, arguments: Arguments) -> MeasuredFarEnd:
+def _far_end(declaration: Declaration, arguments: syntax.Arguments) -> MeasuredFarEnd:
     """Raises NothingToQualify, UsageError."""
     from atlantis_netcfg.operations.qualify.far_end import far_end_of
 
     return far_end_of(declaration, over_vpn=_over_vpn(arguments), other=arguments.optional("far"))
 
 
-def _selection(arguments: Arguments) -> Selection:
+def _selection(arguments: syntax.Arguments) -> Selection:
     from atlantis_netcfg.links.qualify.measured_run import Selection
 
     return Selection(arguments.optional("profile") or Selection.TELEMETRY)
 
 
-def _limits(arguments: Arguments) -> BudgetLimits:
+def _limits(arguments: syntax.Arguments) -> BudgetLimits:
     """What a person allows for all links together. Raises UsageError."""
     from decimal import Decimal
 
@@ -182,7 +173,7 @@ def _limits(arguments: Arguments) -> BudgetLimits:
     )
 
 
-def _number(arguments: Arguments, name: str) -> Decimal | None:
+def _number(arguments: syntax.Arguments, name: str) -> Decimal | None:
     from decimal import Decimal, InvalidOperation
 
     from atlantis_netcfg.core.errors import UsageError
@@ -303,7 +294,7 @@ def _pay(session: CommandSession, links: tuple[Bearer, ...], selection: Selectio
         if dear and not session.as_json:
             print(translate(f"a real measurement asks first: {'; '.join(dear)}"))
         return
-    pay(dear, is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
+    pay(dear, is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
 
 def _preview(session: CommandSession, bearer: Bearer, selection: Selection, limits: BudgetLimits) -> Preview:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 
 if TYPE_CHECKING:
@@ -15,48 +15,50 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.record import QualifyRecord
     from atlantis_netcfg.runs import Store
 
-_SITE = Word("site", "the site", is_required=True, example="coastal")
-_REHEARSAL_FLAG = Flag("rehearsed", "those of rehearsals instead of real ones")
-_THRESHOLDS = Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
+_SITE = syntax.Word("site", "the site", is_required=True, example="coastal")
+_REHEARSAL_FLAG = syntax.Flag("rehearsed", "those of rehearsals instead of real ones")
+_THRESHOLDS = syntax.Flag("thresholds", "judge by other thresholds than the run's own", takes="NAME")
 _RUN = "satellite-20261120T093000Z"
 
-QUALIFY_SHOW = CommandSpec(
+QUALIFY_SHOW = syntax.CommandSpec(
     "qualify show",
     "show what a measurement of a link has found, and where its pages are",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
         _SITE,
-        Word("run", "which one; the newest if left out", example=_RUN),
-        Word("link", "the newest of this link", example="satellite"),
+        syntax.Word("run", "which one; the newest if left out", example=_RUN),
+        syntax.Word("link", "the newest of this link", example="satellite"),
     ),
-    flags=(_REHEARSAL_FLAG, _THRESHOLDS, JSON),
+    flags=(_REHEARSAL_FLAG, _THRESHOLDS, syntax.JSON),
     details=(
         "Exit code 0: every criterion holds, and the traffic left by the link that was meant; 6: not so, or not "
         "proved; 7: there is no such measurement."
     ),
 )
-QUALIFY_COMPARE = CommandSpec(
+QUALIFY_COMPARE = syntax.CommandSpec(
     "qualify compare",
     "put two measurements of links beside each other",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
         _SITE,
-        Word("runs", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"),
+        syntax.Word(
+            "runs", "two of them, the earlier one first", is_required=True, many=True, example=f"{_RUN},{_RUN}"
+        ),
     ),
-    flags=(_REHEARSAL_FLAG, JSON),
+    flags=(_REHEARSAL_FLAG, syntax.JSON),
     details="Differences of up to 5 % count as none. Exit code 7: there is no such measurement.",
 )
-QUALIFY_HISTORY = CommandSpec(
+QUALIFY_HISTORY = syntax.CommandSpec(
     "qualify history",
     "list the measurements of a site's links, the oldest first",
-    group=Group.LINKS,
-    words=(_SITE, Word("link", "only this link", example="satellite")),
-    flags=(_REHEARSAL_FLAG, JSON),
+    group=syntax.Group.LINKS,
+    words=(_SITE, syntax.Word("link", "only this link", example="satellite")),
+    flags=(_REHEARSAL_FLAG, syntax.JSON),
     details="Exit code 7: there is no measurement.",
 )
 
 
-def run_qualify_show(arguments: Arguments) -> ExitCode:
+def run_qualify_show(arguments: syntax.Arguments) -> ExitCode:
     """Print the figures of one run."""
     import sys
 
@@ -91,7 +93,7 @@ def run_qualify_show(arguments: Arguments) -> ExitCode:
     return code
 
 
-def run_qualify_compare(arguments: Arguments) -> ExitCode:
+def run_qualify_compare(arguments: syntax.Arguments) -> ExitCode:
     """Print two runs beside each other."""
     import sys
     from dataclasses import asdict
@@ -117,7 +119,7 @@ def run_qualify_compare(arguments: Arguments) -> ExitCode:
     return ExitCode.DONE
 
 
-def run_qualify_history(arguments: Arguments) -> ExitCode:
+def run_qualify_history(arguments: syntax.Arguments) -> ExitCode:
     """Print the headline figures of every run."""
     import sys
 
@@ -159,14 +161,14 @@ def _headlines(record: QualifyRecord) -> dict[str, Any]:
     }
 
 
-def _store(arguments: Arguments) -> Store:
+def _store(arguments: syntax.Arguments) -> Store:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.runs import Store
 
     return Store(paths.state_dir(), is_rehearsal=arguments.flag("rehearsed"))
 
 
-def _nothing(arguments: Arguments) -> Exception:
+def _nothing(arguments: syntax.Arguments) -> Exception:
     """There is no measurement; those of the other kind are named where there are any."""
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.core.errors import NoMatchError

@@ -5,18 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    VIA,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
@@ -27,44 +16,38 @@ if TYPE_CHECKING:
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.operations.retrieve import (
-        RetrievalPlan,
-        RetrievalProgram,
-        RetrievalSelection,
-        RetrievalStatus,
-        Source,
-    )
+    from atlantis_netcfg.operations import retrieve
 
-RETRIEVE = CommandSpec(
+RETRIEVE = syntax.CommandSpec(
     "retrieve",
     "bring recordings of a gateway or a robot to the control centre, over whatever link the site has",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word(
             "from",
             "the gateway or robot; may be left out where the site has one",
             example="coastal-gateway",
             values=Values.HOST,
         ),
-        Word("files", "only those whose path below the folder is like this", example="'bag-20261126-*'"),
-        Word("link", "the link that carries it; the router is asked if left out", example="4g"),
-        Word("order", "`status`: how it stands; `stop`: end it", choices=("status", "stop"), bare=True),
-        VIA,
-        INVENTORY,
+        syntax.Word("files", "only those whose path below the folder is like this", example="'bag-20261126-*'"),
+        syntax.Word("link", "the link that carries it; the router is asked if left out", example="4g"),
+        syntax.Word("order", "`status`: how it stands; `stop`: end it", choices=("status", "stop"), bare=True),
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "say what it takes and costs, send nothing", harmless=True),
-        Flag("leave", "begin, and do not wait for its end"),
-        Flag(
+        syntax.Flag("plan", "say what it takes and costs, send nothing", harmless=True),
+        syntax.Flag("leave", "begin, and do not wait for its end"),
+        syntax.Flag(
             "rehearse",
             "the same on this computer: both programs, an emulated link that is cut, and made recordings",
             harmless=True,
         ),
-        Flag("again", "also compare what was retrieved before, and send again what differs"),
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("again", "also compare what was retrieved before, and send again what differs"),
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "The gateway sends by itself, at the declared share of the link, and goes on where it was after a gap, a "
@@ -78,7 +61,7 @@ RETRIEVE = CommandSpec(
 )
 
 
-def run_retrieve(arguments: Arguments) -> ExitCode:
+def run_retrieve(arguments: syntax.Arguments) -> ExitCode:
     """Look, say what it costs, begin and watch; or tell how it stands, or end it."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.core.errors import ExitCode
@@ -90,7 +73,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
         return _rehearse(arguments)
     site, order = arguments.word("site"), arguments.optional("order")
     _refuse_mixed(arguments, order)
-    sources: list[Source] = []
+    sources: list[retrieve.Source] = []
 
     def choose_hosts(declaration: Declaration) -> tuple[Host, ...]:
         source, host = source_at(declaration, site, arguments.optional("from"))
@@ -116,7 +99,7 @@ def run_retrieve(arguments: Arguments) -> ExitCode:
         return _begin(site_session, program, plan, selection)
 
 
-def _rehearse(arguments: Arguments) -> ExitCode:
+def _rehearse(arguments: syntax.Arguments) -> ExitCode:
     """Let both programs of a transfer run on this computer. Raises UsageError, NothingMatched."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
@@ -166,7 +149,7 @@ def _rehearse(arguments: Arguments) -> ExitCode:
             )
 
 
-def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
+def _refuse_mixed(arguments: syntax.Arguments, order: str | None) -> None:
     """Raises UsageError where the words do not go together."""
     from atlantis_netcfg.core.errors import UsageError
 
@@ -178,13 +161,13 @@ def _refuse_mixed(arguments: Arguments, order: str | None) -> None:
         )
 
 
-def _given_words(arguments: Arguments, *words: str) -> list[str]:
+def _given_words(arguments: syntax.Arguments, *words: str) -> list[str]:
     """Which of these words, and of the flags about how a transfer is begun, a person has typed."""
     flags = [f"`--{name}`" for name in ("plan", "leave", "again") if arguments.flag(name)]
     return [*(f"`{name}=`" for name in words if arguments.optional(name) is not None), *flags]
 
 
-def _nothing(session: CommandSession, program: RetrievalProgram, look: dict[str, Any]) -> ExitCode:
+def _nothing(session: CommandSession, program: retrieve.RetrievalProgram, look: dict[str, Any]) -> ExitCode:
     """Done where all that matches was retrieved before; else nothing has matched."""
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.retrieve import left_out
@@ -195,7 +178,7 @@ def _nothing(session: CommandSession, program: RetrievalProgram, look: dict[str,
     return _say(session, program, lines, document, ExitCode.DONE if is_done else ExitCode.NOTHING)
 
 
-def _make_plan(session: CommandSession, source: Source, look: dict[str, Any]) -> RetrievalPlan:
+def _make_plan(session: CommandSession, source: retrieve.Source, look: dict[str, Any]) -> retrieve.RetrievalPlan:
     """Over the link that a person names, or that the router says is in use. Raises UsageError, DeviceFailed."""
     from atlantis_netcfg.operations.common.site_links import bearer_named
     from atlantis_netcfg.operations.retrieve import plan
@@ -229,7 +212,10 @@ def _in_use(session: CommandSession) -> str:
 
 
 def _begin(
-    session: CommandSession, program: RetrievalProgram, plan: RetrievalPlan, selection: RetrievalSelection
+    session: CommandSession,
+    program: retrieve.RetrievalProgram,
+    plan: retrieve.RetrievalPlan,
+    selection: retrieve.RetrievalSelection,
 ) -> ExitCode:
     """Raises CostRefused, NotBegun, BeginningUnknown."""
     from atlantis_netcfg.cli.base.consent import pay
@@ -239,7 +225,7 @@ def _begin(
     if plan.cost.over_cap:
         raise plan.cost.refusal()
     words = [plan.cost.words] if plan.link.is_metered else []
-    pay(words, is_accepted=session.arguments.has_flag(ACCEPT_COST), as_json=session.as_json)
+    pay(words, is_accepted=session.arguments.has_flag(syntax.ACCEPT_COST), as_json=session.as_json)
     program.start(plan.job(selection, new_number()))
     if session.arguments.flag("leave"):
         status = program.status()
@@ -249,7 +235,7 @@ def _begin(
     return _watch(session, program)
 
 
-def _watch(session: CommandSession, program: RetrievalProgram) -> ExitCode:
+def _watch(session: CommandSession, program: retrieve.RetrievalProgram) -> ExitCode:
     """Tell how it stands until it has ended; whoever stops watching does not stop the transfer."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.core.errors import OutcomeUnknown
@@ -275,7 +261,7 @@ _OFTEN_S, _SLOWLY_S = 2.0, 30.0
 _pause = time.sleep
 
 
-def _patient(program: RetrievalProgram) -> RetrievalStatus | None:
+def _patient(program: retrieve.RetrievalProgram) -> retrieve.RetrievalStatus | None:
     """How it stands; None while the gateway is not reached: it goes on without us."""
     from atlantis_netcfg.operations.retrieve import GatewayAway
 
@@ -285,7 +271,7 @@ def _patient(program: RetrievalProgram) -> RetrievalStatus | None:
         return None
 
 
-def _ended_or_told(session: CommandSession, program: RetrievalProgram, order: str) -> ExitCode:
+def _ended_or_told(session: CommandSession, program: retrieve.RetrievalProgram, order: str) -> ExitCode:
     from atlantis_netcfg.core.errors import ExitCode
 
     if order == "status":
@@ -299,13 +285,13 @@ def _ended_or_told(session: CommandSession, program: RetrievalProgram, order: st
     return _say(session, program, after.lines(session.site), after.as_dict(), code)
 
 
-def _tell(session: CommandSession, program: RetrievalProgram, status: RetrievalStatus) -> ExitCode:
+def _tell(session: CommandSession, program: retrieve.RetrievalProgram, status: retrieve.RetrievalStatus) -> ExitCode:
     return _say(session, program, status.lines(session.site), status.as_dict(), status.exit)
 
 
 def _say(
     session: CommandSession,
-    program: RetrievalProgram,
+    program: retrieve.RetrievalProgram,
     lines: Sequence[str],
     data: dict[str, object],
     code: ExitCode,

@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -31,16 +21,18 @@ if TYPE_CHECKING:
     from atlantis_netcfg.robots.recording import BagRecorder
     from atlantis_netcfg.robots.replay import Bag, BagPlayer
 
-ROBOT_VALIDATE = CommandSpec(
+ROBOT_VALIDATE = syntax.CommandSpec(
     "robot validate",
     "check the configuration files of robots and list every error with its place",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("file", "a robot's file, as its partner sent it; several one after the other", many=True, bare=True),
-        Word("vehicle", "only the file of this vehicle, below robots/ of the declaration", example="sparus"),
-        INVENTORY,
+        syntax.Word(
+            "file", "a robot's file, as its partner sent it; several one after the other", many=True, bare=True
+        ),
+        syntax.Word("vehicle", "only the file of this vehicle, below robots/ of the declaration", example="sparus"),
+        syntax.INVENTORY,
     ),
-    flags=(JSON,),
+    flags=(syntax.JSON,),
     details=(
         "No robot is contacted. Without a file and a vehicle, every file below robots/ of the declaration is checked. "
         "Exit code 0: no errors; 3: there are; 7: there is no file. What a robot really publishes is not looked at."
@@ -49,7 +41,7 @@ ROBOT_VALIDATE = CommandSpec(
 _DAY_S = 86_400
 
 
-def run_robot_validate(arguments: Arguments) -> ExitCode:
+def run_robot_validate(arguments: syntax.Arguments) -> ExitCode:
     """Say what each robot declares, or list every error."""
     from atlantis_netcfg.inventory import InventoryInvalid
     from atlantis_netcfg.inventory.robots.reading import NO_ROBOT_CONTACTED, key_names
@@ -68,7 +60,7 @@ def run_robot_validate(arguments: Arguments) -> ExitCode:
     return code
 
 
-def _sources(arguments: Arguments, declaration: Declaration, names: KeyNames) -> list[RobotSource]:
+def _sources(arguments: syntax.Arguments, declaration: Declaration, names: KeyNames) -> list[RobotSource]:
     """The files that were asked for, read. Raises UsageError and NothingMatched."""
     from pathlib import Path
 
@@ -133,26 +125,30 @@ def _lines(source: RobotSource) -> Iterator[str]:
     yield translate(f"      until it is registered, its configuration is {size(source.size * _DAY_S)} a day, at 1 Hz")
 
 
-ADDRESS = Word("address", "this computer's address in the robots' network, where it is not found by itself")
+ADDRESS = syntax.Word("address", "this computer's address in the robots' network, where it is not found by itself")
 
-ROBOT_DISCOVER = CommandSpec(
+ROBOT_DISCOVER = syntax.CommandSpec(
     "robot discover",
     "listen at a site: which robots publish their configuration and topics, and whether that is as their files say",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site, to whose LAN or VPN this computer is connected", is_required=True, example="coastal"),
-        Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
-        Word(
+        syntax.Word(
+            "site", "the site, to whose LAN or VPN this computer is connected", is_required=True, example="coastal"
+        ),
+        syntax.Word("for", "how long, from 5 seconds to an hour; 30 s if left out", example="30s"),
+        syntax.Word(
             "from",
             "the gateway or control centre that listens, over SSH; this computer if left out",
             example="scc-control",
         ),
         ADDRESS,
-        Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
-        Word("save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"),
-        INVENTORY,
+        syntax.Word("record", "write all messages into this new folder, as a bag of rosbag2", example="bags/quay"),
+        syntax.Word(
+            "save", "write the file of this robot as it was heard, once its vehicle is declared", example="lauv"
+        ),
+        syntax.INVENTORY,
     ),
-    flags=(JSON, ACCEPT_COST, ASK_VAULT_PASS),
+    flags=(syntax.JSON, syntax.ACCEPT_COST, syntax.ASK_VAULT_PASS),
     details=(
         "From this computer, without ROS; nothing is sent but announcements of DDS, about 0.3 MB a minute. Topics of "
         "ROS 2 alone are heard, in the domain of the pilot. A recording holds the robots' tokens: its folder is for "
@@ -162,7 +158,7 @@ ROBOT_DISCOVER = CommandSpec(
 )
 
 
-def run_robot_discover(arguments: Arguments) -> ExitCode:
+def run_robot_discover(arguments: syntax.Arguments) -> ExitCode:
     """Listen, and say who was heard."""
     from dataclasses import replace
 
@@ -175,7 +171,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     seconds = robots.seconds_of(arguments.optional("for") or "30s")
     record = _record(arguments, declaration)
     namespace = arguments.optional("save")
-    if namespace is not None or arguments.has_flag(ASK_VAULT_PASS):
+    if namespace is not None or arguments.has_flag(syntax.ASK_VAULT_PASS):
         _ = vault.secrets  # whoever has no password is told before half a minute is over
     try:
         observation, reports = _listen(arguments, declaration, site, seconds, record)
@@ -200,7 +196,7 @@ def run_robot_discover(arguments: Arguments) -> ExitCode:
     return code
 
 
-def _record(arguments: Arguments, declaration: Declaration) -> BagRecorder | None:
+def _record(arguments: syntax.Arguments, declaration: Declaration) -> BagRecorder | None:
     """What writes the recording that was asked for. Raises UsageError."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations import robots
@@ -240,7 +236,7 @@ def _tell_recording(record: BagRecorder | None) -> None:
 
 
 def _listen(
-    arguments: Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
+    arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, record: BagRecorder | None
 ) -> tuple[RobotObservation, list[RobotReport]]:
     """Listen here, or at the computer of `from=`. Raises UsageError, ListeningFailed."""
     from atlantis_netcfg.core.errors import UsageError
@@ -265,7 +261,9 @@ def _listen(
     return observation, robots.compare(declaration, site, observation)
 
 
-def _pay(arguments: Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]) -> None:
+def _pay(
+    arguments: syntax.Arguments, declaration: Declaration, site: str, seconds: int, address: Callable[[], str]
+) -> None:
     """Ask for consent where listening brings the robots' topics over a link that is paid by the byte."""
     from atlantis_netcfg.cli.base.consent import pay
     from atlantis_netcfg.links.cost import CostRefusal
@@ -329,21 +327,23 @@ def _heard_as_json(observation: RobotObservation, reports: Sequence[RobotReport]
     }
 
 
-_LOOP = Flag("loop", "begin the recording again when it is over")
+_LOOP = syntax.Flag("loop", "begin the recording again when it is over")
 
-ROBOT_MOCK = CommandSpec(
+ROBOT_MOCK = syntax.CommandSpec(
     "robot mock",
     "be a robot: publish its topics and answer its commands and plans, or a recording, to test a control centre",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"),
-        Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
-        Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
-        Word(
+        syntax.Word(
+            "vehicle", "only these robots; all that the declaration has if left out", many=True, example="sparus"
+        ),
+        syntax.Word("site", "for the listeners of this site; on this computer alone if left out", example="coastal"),
+        syntax.Word("for", "how long, from 5 seconds to an hour; else until Ctrl-C", example="5m"),
+        syntax.Word(
             "bag", "publish this recording with its timing: a folder of rosbag2, stored as sqlite3", example="bags/quay"
         ),
         ADDRESS,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
     flags=(_LOOP,),
     details=(
@@ -358,7 +358,7 @@ ROBOT_MOCK = CommandSpec(
 )
 
 
-def run_robot_mock(arguments: Arguments) -> ExitCode:
+def run_robot_mock(arguments: syntax.Arguments) -> ExitCode:
     """Publish and answer until the time is over."""
     from collections import Counter
     from contextlib import suppress
@@ -425,7 +425,7 @@ def _tell_goals(mocks: Sequence[MockRobot]) -> None:
 
 
 def _replay(
-    arguments: Arguments, declaration: Declaration, bag: str, place: MockPlace, seconds: float | None
+    arguments: syntax.Arguments, declaration: Declaration, bag: str, place: MockPlace, seconds: float | None
 ) -> ExitCode:
     from contextlib import suppress
 
@@ -453,7 +453,7 @@ def _replay(
     return ExitCode.DONE if players else ExitCode.NOTHING
 
 
-def _declaration(arguments: Arguments) -> Declaration:
+def _declaration(arguments: syntax.Arguments) -> Declaration:
     from pathlib import Path
 
     from atlantis_netcfg.core import paths

@@ -9,23 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    CHANGE,
-    INVENTORY,
-    JSON,
-    ONLY,
-    PROFILE,
-    STREAM,
-    SUMMARY,
-    VIA,
-    YES,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
-from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
+from atlantis_netcfg.cli.base import syntax
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -35,20 +20,20 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run, Store
 
 
-RUNS = CommandSpec(
+RUNS = syntax.CommandSpec(
     "runs",
     "list the runs that changed something or tried to, and what is still open",
-    group=Group.FIRST,
-    words=(Word("site", "only the runs of this site", example="coastal"),),
+    group=syntax.Group.FIRST,
+    words=(syntax.Word("site", "only the runs of this site", example="coastal"),),
     flags=(
-        Flag("rehearsed", "the runs of rehearsals instead of real ones"),
-        Flag("all", "also those that were put aside, since nothing is open in them and later ones followed"),
-        JSON,
+        syntax.Flag("rehearsed", "the runs of rehearsals instead of real ones"),
+        syntax.Flag("all", "also those that were put aside, since nothing is open in them and later ones followed"),
+        syntax.JSON,
     ),
 )
 
 
-def run_runs(arguments: Arguments) -> ExitCode:
+def run_runs(arguments: syntax.Arguments) -> errors.ExitCode:
     """List them, oldest first; exit 7 when there is none."""
     from atlantis_netcfg.cli.base.output import json_text
     from atlantis_netcfg.core import paths
@@ -61,14 +46,14 @@ def run_runs(arguments: Arguments) -> ExitCode:
     rows = [row for site in sites for row in _rows(store, site, aside[site] if everything else ())]
     archived_count = sum(map(len, aside.values()))
     if not rows:
-        raise NoMatchError("there are no runs", hint="`provision site=NAME` makes the first one")
+        raise errors.NoMatchError("there are no runs", hint="`provision site=NAME` makes the first one")
     if arguments.flag("json"):
-        print(json_text({"exit": int(ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
+        print(json_text({"exit": int(errors.ExitCode.DONE), "errors": [], "runs": rows, "archived": archived_count}))
     else:
         print("\n".join(_line(row) for row in rows))
         if archived_count and not everything:
             print(f"{archived_count} older runs are put aside: `provision runs --all` lists them too")
-    return ExitCode.DONE
+    return errors.ExitCode.DONE
 
 
 def _sites(store: Store, site: str | None) -> tuple[str, ...]:
@@ -76,7 +61,9 @@ def _sites(store: Store, site: str | None) -> tuple[str, ...]:
     if site is None:
         return sites
     if site not in sites:
-        raise NoMatchError(f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(sites) or 'no site'}")
+        raise errors.NoMatchError(
+            f"there are no runs of `{site}`", hint=f"there are runs of: {', '.join(sites) or 'no site'}"
+        )
     return (site,)
 
 
@@ -128,33 +115,33 @@ def _device(name: str, outcome: dict[str, Any]) -> str:
     return f"{name} {outcome['status']} ({outcome['confirmed']}{state_note})"
 
 
-SITE = CommandSpec(
+SITE = syntax.CommandSpec(
     "run",
     "bring a site to its declared state, guarded, and read back what came of it",
-    group=Group.FIRST,
+    group=syntax.Group.FIRST,
     words=(
-        Word("site", "the site, or `all`", is_required=True, example="coastal"),
-        ONLY,
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site, or `all`", is_required=True, example="coastal"),
+        syntax.ONLY,
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        SUMMARY,
-        Flag("save", "with --plan: keep the plan in a file, for `provision apply`", takes="FILE"),
-        Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
-        PROFILE,
-        Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE"),
-        YES,
-        *CHANGE,
-        STREAM,
+        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        syntax.SUMMARY,
+        syntax.Flag("save", "with --plan: keep the plan in a file, for `provision apply`", takes="FILE"),
+        syntax.Flag("rehearse", "the same run against emulated devices of the site", harmless=True),
+        syntax.PROFILE,
+        syntax.Flag("offline", "gateways take packages and sources from this bundle alone", takes="BUNDLE"),
+        syntax.YES,
+        *syntax.CHANGE,
+        syntax.STREAM,
     ),
     changes=True,
     plays=True,
 )
 
 
-def run_site(arguments: Arguments) -> ExitCode:
+def run_site(arguments: syntax.Arguments) -> errors.ExitCode:
     """Plan, ask, apply, read back."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.cli.plans import save
@@ -177,7 +164,7 @@ def run_site(arguments: Arguments) -> ExitCode:
     return site_session.close(report, next_command)
 
 
-def _plan_file(arguments: Arguments) -> Path | None:
+def _plan_file(arguments: syntax.Arguments) -> Path | None:
     """Where the plan is to be kept. Raises UsageError, also for a flag of `--plan` without it."""
     from pathlib import Path
 
@@ -185,7 +172,9 @@ def _plan_file(arguments: Arguments) -> Path | None:
 
     for name in ("save", "summary"):
         if arguments.flag(name) and not arguments.flag("plan"):
-            raise UsageError(f"`--{name}` is about a plan, and this command changes devices", hint="add `--plan`")
+            raise errors.UsageError(
+                f"`--{name}` is about a plan, and this command changes devices", hint="add `--plan`"
+            )
     path_text = arguments.value("save")
     if path_text is None:
         return None
@@ -193,13 +182,13 @@ def _plan_file(arguments: Arguments) -> Path | None:
     return Path(path_text)
 
 
-def _bundle(arguments: Arguments) -> Path | None:
+def _bundle(arguments: syntax.Arguments) -> Path | None:
     """The bundle that was named. Raises UsageError where it cannot be used."""
     from pathlib import Path
 
     path_text = arguments.value("offline")
     if path_text is not None and arguments.flag("rehearse"):
-        raise UsageError(
+        raise errors.UsageError(
             "`--offline` with `--rehearse`: the gateways of a rehearsal are not the systems that a bundle is made for",
             hint="leave one of them out; `--plan` shows what would be taken from the bundle",
         )

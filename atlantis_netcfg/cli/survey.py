@@ -4,17 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
@@ -32,29 +22,33 @@ if TYPE_CHECKING:
     from atlantis_netcfg.records.survey.points import SurveyLine, SurveyPoint
     from atlantis_netcfg.records.survey.site import SiteSurvey
 
-SURVEY = CommandSpec(
+SURVEY = syntax.CommandSpec(
     "survey",
     "measure the coverage of a 4G link along a track: levels, cell, round trip, goodput",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="te4sea"),
-        Word("link", "the 4G link; may be left out where there is one", example="4g"),
-        Word("gps", "`gateway`, `here`, or the address of a gpsd; else the gateway if it has one", example="here"),
-        Word("every", "metres and seconds between two points", example="50m,30s"),
-        Word("for", "how long, from 1 minute to 24 hours; else until Ctrl-C", example="1h"),
-        Word("to", "a folder that gets copies of the files", example="coverage"),
-        Word("coast", "GeoJSON file of a coast, or `natural-earth`: coarse, up to 1 km off", example="coast.geojson"),
-        Word("from", "a survey that was made before: only its files are made again", example="20261120T101500Z"),
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="te4sea"),
+        syntax.Word("link", "the 4G link; may be left out where there is one", example="4g"),
+        syntax.Word(
+            "gps", "`gateway`, `here`, or the address of a gpsd; else the gateway if it has one", example="here"
+        ),
+        syntax.Word("every", "metres and seconds between two points", example="50m,30s"),
+        syntax.Word("for", "how long, from 1 minute to 24 hours; else until Ctrl-C", example="1h"),
+        syntax.Word("to", "a folder that gets copies of the files", example="coverage"),
+        syntax.Word(
+            "coast", "GeoJSON file of a coast, or `natural-earth`: coarse, up to 1 km off", example="coast.geojson"
+        ),
+        syntax.Word("from", "a survey that was made before: only its files are made again", example="20261120T101500Z"),
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("clicks", "a person types each position, instead of gpsd"),
-        Flag("radio-only", "read the unit alone: nothing is sent over the link"),
-        Flag("max-mb", "at most so much in any hour, headers included; 2 if left out", takes="MB"),
-        Flag("rehearse", "an emulated voyage and unit, over the declared rate of the link"),
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("clicks", "a person types each position, instead of gpsd"),
+        syntax.Flag("radio-only", "read the unit alone: nothing is sent over the link"),
+        syntax.Flag("max-mb", "at most so much in any hour, headers included; 2 if left out", takes="MB"),
+        syntax.Flag("rehearse", "an emulated voyage and unit, over the declared rate of the link"),
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Nothing is changed. A point without a fresh fix has no position, and nothing is interpolated. Ctrl-C ends the "
@@ -64,7 +58,7 @@ SURVEY = CommandSpec(
 )
 
 
-def run_survey(arguments: Arguments) -> ExitCode:
+def run_survey(arguments: syntax.Arguments) -> ExitCode:
     """Take points until the time is over or a person stops it, then make the files."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.inventory import choose
@@ -86,7 +80,7 @@ def run_survey(arguments: Arguments) -> ExitCode:
         return _report(site_session.arguments, folder, coast, site_session.is_rehearsal)
 
 
-def _one_site(arguments: Arguments) -> None:
+def _one_site(arguments: syntax.Arguments) -> None:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.inventory import ALL
 
@@ -99,7 +93,7 @@ def _one_site(arguments: Arguments) -> None:
         )
 
 
-def _plan(arguments: Arguments) -> SurveyPlan:
+def _plan(arguments: syntax.Arguments) -> SurveyPlan:
     """What was typed of steps, time and budget. Raises UsageError."""
     from dataclasses import replace
 
@@ -118,14 +112,14 @@ _REHEARSED_S = 1200.0
 """How long an emulated voyage lasts on its own clock, where `for=` does not say it."""
 
 
-def _coast(arguments: Arguments) -> Coast | None:
+def _coast(arguments: syntax.Arguments) -> Coast | None:
     from atlantis_netcfg.records.survey.exports import named_coast
 
     coast_name = arguments.optional("coast")
     return None if coast_name is None else named_coast(coast_name)
 
 
-def _made_again(arguments: Arguments, coast: Coast | None) -> ExitCode:
+def _made_again(arguments: syntax.Arguments, coast: Coast | None) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.records.survey.archive import folder_of, kept_survey
     from atlantis_netcfg.runs import Store
@@ -226,7 +220,7 @@ def _confirm_cost(session: CommandSession, link: Bearer, plan: SurveyPlan) -> No
         return
     if cost_preview.over_cap:
         raise cost_preview.refusal()
-    pay([words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
+    pay([words], is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
 
 def _begin_words(session: CommandSession, survey: RunningSurvey) -> None:
@@ -278,7 +272,7 @@ def _line(point: SurveyPoint) -> str:
     return f"{point.number:>4}  {where}  {radio or translate(point.no_radio or 'no level')}  {test}"
 
 
-def _report(arguments: Arguments, folder: Path, coast: Coast | None, is_rehearsal: bool) -> ExitCode:  # noqa: FBT001 - as it is
+def _report(arguments: syntax.Arguments, folder: Path, coast: Coast | None, is_rehearsal: bool) -> ExitCode:  # noqa: FBT001 - as it is
     """Make the files, and say what there is."""
     from pathlib import Path
 

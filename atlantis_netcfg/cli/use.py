@@ -4,21 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    PROFILE,
-    VERBOSE,
-    VIA,
-    WITHOUT_PROTECTION,
-    Arguments,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.language import translate
 
 if TYPE_CHECKING:
@@ -28,29 +14,29 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.use import UseRequest
     from atlantis_netcfg.runs.report.run import RunReport
 
-USE = CommandSpec(
+USE = syntax.CommandSpec(
     "use",
     "let a link carry the traffic of a site for a time; then the router puts the declared order back by itself",
-    group=Group.LINKS,
+    group=syntax.Group.LINKS,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("link", "the link that is to carry the traffic", example="4g"),
-        Word("for", "how long, from 1 minute to 24 hours", example="30m"),
-        Word("order", "`end`: the declared order holds again from now on", choices=("end",), bare=True),
-        VIA,
-        INVENTORY,
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("link", "the link that is to carry the traffic", example="4g"),
+        syntax.Word("for", "how long, from 1 minute to 24 hours", example="30m"),
+        syntax.Word("order", "`end`: the declared order holds again from now on", choices=("end",), bare=True),
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("unproved", "also a link that is down, or of which nobody has seen that it works"),
-        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        Flag("rehearse", "the same with an emulated router: there, and back by itself", harmless=True),
-        PROFILE,
-        Flag("yes", "do not ask before changing the router"),
-        ACCEPT_COST,
-        WITHOUT_PROTECTION,
-        ASK_VAULT_PASS,
-        JSON,
-        VERBOSE,
+        syntax.Flag("unproved", "also a link that is down, or of which nobody has seen that it works"),
+        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        syntax.Flag("rehearse", "the same with an emulated router: there, and back by itself", harmless=True),
+        syntax.PROFILE,
+        syntax.Flag("yes", "do not ask before changing the router"),
+        syntax.ACCEPT_COST,
+        syntax.WITHOUT_PROTECTION,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
+        syntax.VERBOSE,
     ),
     details=(
         "The end stands in a job of the router, which comes with the change: nobody has to come back. A restart of the "
@@ -62,7 +48,7 @@ USE = CommandSpec(
 )
 
 
-def run_use(arguments: Arguments) -> ExitCode:
+def run_use(arguments: syntax.Arguments) -> ExitCode:
     """Look at the link, show what would change and what it may cost, ask, change, and say when it ends."""
     from atlantis_netcfg.cli.base.session import session
     from atlantis_netcfg.operations.common.request import refuse_examples
@@ -91,7 +77,7 @@ def run_use(arguments: Arguments) -> ExitCode:
     return site_session.close(report)
 
 
-def _for_s(arguments: Arguments) -> int | None:
+def _for_s(arguments: syntax.Arguments) -> int | None:
     """How long; None: to its end. Raises UsageError where the words do not go together."""
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.operations.use import span_s
@@ -172,7 +158,7 @@ def _pay(session: CommandSession, use_request: UseRequest) -> None:
         if not session.as_json:
             print(translate(f"a real use asks first: {words}"))
         return
-    pay([words], is_accepted=session.arguments.flag(ACCEPT_COST.name), as_json=session.as_json)
+    pay([words], is_accepted=session.arguments.flag(syntax.ACCEPT_COST.name), as_json=session.as_json)
 
 
 def _rehearse(session: CommandSession, use_request: UseRequest) -> RunReport:

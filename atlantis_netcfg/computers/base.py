@@ -32,24 +32,13 @@ from atlantis_netcfg.computers.parts import (
 from atlantis_netcfg.computers.reflector import QUALIFY_SECRET, far_end, measured_at, reflector
 from atlantis_netcfg.computers.retrieval import packages as retrieval_packages
 from atlantis_netcfg.computers.retrieval import retrieval
-from atlantis_netcfg.inventory.model import (
-    REFLECTOR_PORT,
-    DdsPath,
-    GpsTime,
-    SeenFrom,
-    ServerComputer,
-    ServiceNetwork,
-    SiteComputer,
-    TimeServer,
-    Transport,
-)
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import GatewayAccessPoint
 
 CLOUD_INIT = "/etc/cloud/cloud-init.disabled"
 """Where it stands, cloud-init does nothing at a start, unless the file below or the kernel says otherwise."""
@@ -126,7 +115,7 @@ class OpenPort:
 
     name: str
     """Of the service."""
-    transport: Transport
+    transport: model.Transport
     port: int | str
     """Or a range of them, as nft(8) writes it."""
     sources: tuple[str, ...]
@@ -149,7 +138,7 @@ class WayOut:
     network: str
     """Of the stations."""
     server: str
-    transport: Transport
+    transport: model.Transport
     port: int
 
 
@@ -162,8 +151,8 @@ class BaseView:
     domain: str
     time_zone: str
     router: str
-    time_servers: tuple[TimeServer, ...]
-    gps: GpsTime | None
+    time_servers: tuple[model.TimeServer, ...]
+    gps: model.GpsTime | None
     lan: str
     ssh_from: tuple[str, ...]
     ssh_port: int
@@ -188,7 +177,7 @@ class BaseView:
 def base_view(declaration: Declaration, host: Host) -> BaseView:
     """Of a host whose base system is ours."""
     device = host.device
-    assert isinstance(device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
     site = declaration.sites[host.site]
     lan, vpn = site.lan.network, declaration.pilot.vpn.network
     access_point, air = radios.opened_radio(host), radios.interfaces(declaration, host)
@@ -216,7 +205,7 @@ def base_view(declaration: Declaration, host: Host) -> BaseView:
     )
 
 
-def _way_out(declaration: Declaration, access_point: GatewayAccessPoint) -> WayOut:
+def _way_out(declaration: Declaration, access_point: model.GatewayAccessPoint) -> WayOut:
     vpn = declaration.pilot.vpn
     return WayOut(str(access_point.network), str(vpn.endpoint), vpn.transport, vpn.port)
 
@@ -225,17 +214,19 @@ def _dds(declaration: Declaration, near: Iterable[IPv4Network]) -> DdsPorts | No
     dds = declaration.pilot.dds
     if dds is None:
         return None
-    far = [site.lan.network for site in declaration.sites.values()] if dds.over is DdsPath.LAN else []
+    far = [site.lan.network for site in declaration.sites.values()] if dds.over is model.DdsPath.LAN else []
     return DdsPorts(dds.domain, dds.all_ports, _collapse((*near, *far)))
 
 
-def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan: IPv4Network) -> Iterator[OpenPort]:
+def _open_ports(
+    declaration: Declaration, host: str, device: model.ServerComputer, lan: IPv4Network
+) -> Iterator[OpenPort]:
     """Its own services, then what the pilot offers all partners on it; the VPN's server lets the same come so far.
 
     Then what our own computers of other sites ask it for their checklists, and what vehicles send.
     """
     vpn = declaration.pilot.vpn
-    ours = {ServiceNetwork.LAN: lan, ServiceNetwork.VPN: vpn.infrastructure}
+    ours = {model.ServiceNetwork.LAN: lan, model.ServiceNetwork.VPN: vpn.infrastructure}
     for service in device.services:
         pools = (declaration.partners[partner].vpn_pool for partner in service.partners)
         sources = _collapse((*(ours[network] for network in service.open_to), *pools))
@@ -246,11 +237,13 @@ def _open_ports(declaration: Declaration, host: str, device: ServerComputer, lan
         if vpn_service.host == host:
             yield OpenPort(vpn_service.name, vpn_service.transport, vpn_service.port, everybody)
     if device.vpn_address is not None:
-        yield OpenPort("checklists of other sites", Transport.UDP, REFLECTOR_PORT, (str(vpn.infrastructure),))
+        yield OpenPort(
+            "checklists of other sites", model.Transport.UDP, model.REFLECTOR_PORT, (str(vpn.infrastructure),)
+        )
     if (qualify := measured_at(host, declaration.pilot)) is not None:
-        yield OpenPort("measurements", Transport.UDP, qualify.port, ("0.0.0.0/0",))
+        yield OpenPort("measurements", model.Transport.UDP, qualify.port, ("0.0.0.0/0",))
     if device.ros1_bridge is not None:
-        yield OpenPort("ROS 1", Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
+        yield OpenPort("ROS 1", model.Transport.TCP, _EPHEMERAL, (f"{device.ros1_bridge.master}/32",))
     yield from _streams(declaration, host, lan)
 
 
@@ -267,9 +260,11 @@ def _streams(declaration: Declaration, host: str, lan: IPv4Network) -> Iterator[
     for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
         endpoints = declaration.vehicles[key].endpoints
         wifi, stream = endpoints.wifi, endpoints.rc_rf
-        if stream is not None and stream.seen_from is SeenFrom.GATEWAY:
+        if stream is not None and stream.seen_from is model.SeenFrom.GATEWAY:
             wifi_networks = () if wifi is None or wifi.client is None else (wifi.client.network,)
-            yield OpenPort(f"remote control of {key}", Transport.UDP, stream.port, _collapse((lan, *wifi_networks)))
+            yield OpenPort(
+                f"remote control of {key}", model.Transport.UDP, stream.port, _collapse((lan, *wifi_networks))
+            )
 
 
 def _collapse(networks: Iterable[IPv4Network]) -> tuple[str, ...]:
@@ -351,9 +346,9 @@ def gateway_base(
 
     `images`: of a rehearsal, name of a service to the SHA-256 of the archive that stands for its image.
     """
-    assert isinstance(host.device, SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
+    assert isinstance(host.device, model.SiteComputer)  # noqa: S101 - callers choose computers that are no server of the VPN
     network = None if is_rehearsal else computer_network(declaration, host)
-    if not isinstance(host.device, ServerComputer):
+    if not isinstance(host.device, model.ServerComputer):
         return GatewayBase((), Configuration(), network, secrets={}, own_secret=None, service_secrets=())
     view, air = base_view(declaration, host), radios.gateway_radios(declaration, host, is_rehearsal=is_rehearsal)
     absent = (*(() if view.watchdog_s is not None else (WATCHDOG,)), *air.absent)

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Check, ConvergeStep, File, Unit
+from atlantis_netcfg.computers import parts
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ _MISSING = 3
 """The exit code of `load` where the archive is not there: it is told, and stops nothing else."""
 _MB = 1_000_000
 UNITS = tuple(
-    Unit(f"podman{name}", enabled=False, active=False)
+    parts.Unit(f"podman{name}", enabled=False, active=False)
     for name in ("-auto-update.timer", "-auto-update.service", "-restart.service", ".socket", ".service")
 )
 """What Debian's podman starts: updates from a registry, and a door for whoever asks. Neither is declared."""
@@ -76,34 +76,36 @@ class PodmanContainer:
         """The path of that further file, inside as well."""
         return f"{self.script}.yaml"
 
-    def files(self) -> Iterator[File]:
+    def files(self) -> Iterator[parts.File]:
         """Its script, its environment for root's eyes, and the topics of a bridge."""
         names = {"images": IMAGES, "bundles": _BUNDLES, "missing": _MISSING}
         text = environment().get_template("gateway/container.sh.j2").render(container=self, **names)
-        yield File(self.script, text, mode="0755", validate=("sh", "-n", "%s"))
+        yield parts.File(self.script, text, mode="0755", validate=("sh", "-n", "%s"))
         if self.variables:
-            yield File(self.environment, "".join(f"{name}={value}\n" for name, value in self.variables), mode="0600")
+            yield parts.File(
+                self.environment, "".join(f"{name}={value}\n" for name, value in self.variables), mode="0600"
+            )
         if self.topics:
-            yield File(self.topics_file, self.topics)
+            yield parts.File(self.topics_file, self.topics)
 
-    def step(self) -> ConvergeStep:
+    def step(self) -> parts.ConvergeStep:
         """Load its image, if the archive is there."""
         run = ("sh", "-c", f'"$1" load || [ $? -eq {_MISSING} ]', "sh", self.script)
-        return ConvergeStep(f"load the image of {self.service}", run, (self.script,))
+        return parts.ConvergeStep(f"load the image of {self.service}", run, (self.script,))
 
-    def check(self) -> Check:
+    def check(self) -> parts.Check:
         """The image is the declared one, and it is the one that runs."""
-        return Check(
+        return parts.Check(
             (self.script, "image"),
             f"the service `{self.service}` does not run from the declared image",
             f"its archive {self.archive} has to be on the computer as {IMAGES}/{self.sha256}.tar, or in the bundle",
         )
 
 
-def within_budget(service: str, folder: str, budget_mb: int) -> Check:
+def within_budget(service: str, folder: str, budget_mb: int) -> parts.Check:
     """What stands in its folder."""
     look = f'[ ! -d "$1" ] || [ "$(du -s -B {_MB} "$1" | cut -f 1)" -le "$2" ]'
-    return Check(
+    return parts.Check(
         ("sh", "-c", look, "sh", folder, str(budget_mb)),
         f"the service `{service}` holds more than {budget_mb} MB in {folder}",
         f"on the computer: `du -sh {folder}`; remove what is not needed, or declare another `budget_mb`",

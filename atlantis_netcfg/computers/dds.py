@@ -17,32 +17,15 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
 
+from atlantis_netcfg.computers import services
 from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.computers.interop import SERVICE
 from atlantis_netcfg.computers.recording import SERVICE as RECORDING
 from atlantis_netcfg.computers.ros1_bridge import SERVICE as BRIDGE_OF_PACKAGES
-from atlantis_netcfg.computers.services import BRIDGE, ENVIRONMENT, PROFILES
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.inventory.model import (
-    BearerKind,
-    ControlCentre,
-    Dds,
-    DdsPath,
-    Gateway,
-    Pace,
-    RosDistribution,
-    RosMiddleware,
-    ServerComputer,
-)
-from atlantis_netcfg.links.standing_traffic import (
-    Announcing,
-    CycloneHeartbeats,
-    DdsMessages,
-    DdsSizes,
-    HeartbeatsNowAndThen,
-    VpnHeaders,
-)
-from atlantis_netcfg.routeros.render import environment, get_template_cache, template_folder
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.links import standing_traffic
+from atlantis_netcfg.routeros import render
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,7 +39,7 @@ if TYPE_CHECKING:
 
 def profiles(view: ProfileView, templates: Path | None = None) -> dict[str, str]:
     """Name below `PROFILES` -> text, of one link; `templates` overrides where the templates are looked for."""
-    folder = f"{PROFILES}/{view.bearer}"
+    folder = f"{services.PROFILES}/{view.bearer}"
     return {f"{view.bearer}/{name}": text for name, text in _files(view, folder, templates).items()}
 
 
@@ -66,7 +49,7 @@ def _files(view: ProfileView, folder: str, templates: Path | None = None) -> dic
     if view.release.fast_dds is not None:
         files["fastdds.xml"] = "fastdds.xml.j2"
     files["ros.env"] = "ros.env.j2"
-    environment = _environment(templates or template_folder())
+    environment = _environment(templates or render.template_folder())
     return {
         name: environment.get_template(f"dds/{template}").render(profile=view, folder=folder)
         for name, template in files.items()
@@ -78,7 +61,7 @@ def _environment(templates: Path) -> Environment:
     """Undefined names are errors; in XML values are escaped."""
     return Environment(
         loader=FileSystemLoader(templates),
-        bytecode_cache=get_template_cache(__file__),
+        bytecode_cache=render.get_template_cache(__file__),
         undefined=StrictUndefined,
         autoescape=select_autoescape(enabled_extensions=("xml.j2",)),
         trim_blocks=True,
@@ -134,9 +117,13 @@ GAP_S = 70
 """The longest silence that was seen on the satellite service (FFI, 352 kbit/s, Arctic, 2019)."""
 
 
-SIZES: Mapping[RosMiddleware, DdsSizes] = {
-    RosMiddleware.CYCLONE_DDS: DdsSizes(380, has_repeat=False, sample_head=84, reliability=CycloneHeartbeats()),
-    RosMiddleware.FAST_DDS: DdsSizes(484, has_repeat=True, sample_head=160, reliability=HeartbeatsNowAndThen()),
+SIZES: Mapping[model.RosMiddleware, standing_traffic.DdsSizes] = {
+    model.RosMiddleware.CYCLONE_DDS: standing_traffic.DdsSizes(
+        380, has_repeat=False, sample_head=84, reliability=standing_traffic.CycloneHeartbeats()
+    ),
+    model.RosMiddleware.FAST_DDS: standing_traffic.DdsSizes(
+        484, has_repeat=True, sample_head=160, reliability=standing_traffic.HeartbeatsNowAndThen()
+    ),
 }
 """Counted for 380 s with the satellite's profile: Cyclone DDS 11 (0.10: 372 bytes), Fast DDS 2.9; no ROS node.
 
@@ -162,7 +149,11 @@ _FAST = Tuning(announce_s=5, message_bytes=1372, fragment_bytes=1272)
 _MOBILE = Tuning(announce_s=10, message_bytes=1200, fragment_bytes=1100)
 _SATELLITE = Tuning(announce_s=20, message_bytes=1200, fragment_bytes=1100)
 
-TUNING: Mapping[Pace, Tuning] = {Pace.FAST: _FAST, Pace.MOBILE: _MOBILE, Pace.SATELLITE: _SATELLITE}
+TUNING: Mapping[model.Pace, Tuning] = {
+    model.Pace.FAST: _FAST,
+    model.Pace.MOBILE: _MOBILE,
+    model.Pace.SATELLITE: _SATELLITE,
+}
 """1200 bytes were measured over a path that drops fragments; what a satellite takes is to be measured on site."""
 
 
@@ -174,7 +165,7 @@ class ProfileView:
     bearer: str
     """The link's name."""
     release: DdsRelease
-    middleware: RosMiddleware
+    middleware: model.RosMiddleware
     domain: int
     address: str
     """Of the interface, by which every version finds it: tun0 has another name on another computer."""
@@ -184,28 +175,28 @@ class ProfileView:
     processes: int
     lease_s: int
     tuning: Tuning
-    over: DdsPath
-    vpn: VpnHeaders
+    over: model.DdsPath
+    vpn: standing_traffic.VpnHeaders
     """Between two sites everything goes through the VPN: the computers' own tunnels, or those of the routers."""
 
     @property
-    def announcing(self) -> Announcing:
+    def announcing(self) -> standing_traffic.Announcing:
         """How its processes keep themselves known.
 
         Cyclone DDS gives out indexes below `MaxAutoParticipantIndex`, and announces itself to that one's port, too.
         """
-        ports = self.participants + (self.middleware is RosMiddleware.CYCLONE_DDS)
-        return Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
+        ports = self.participants + (self.middleware is model.RosMiddleware.CYCLONE_DDS)
+        return standing_traffic.Announcing(self.processes, ports, self.tuning.announce_s, self.sizes)
 
     @property
-    def messages(self) -> DdsMessages:
+    def messages(self) -> standing_traffic.DdsMessages:
         """How messages of its topics go over the link."""
-        return DdsMessages(self.tuning.message_bytes, self.tuning.fragment_bytes, self.sizes, self.vpn)
+        return standing_traffic.DdsMessages(self.tuning.message_bytes, self.tuning.fragment_bytes, self.sizes, self.vpn)
 
     @property
-    def sizes(self) -> DdsSizes:
+    def sizes(self) -> standing_traffic.DdsSizes:
         """Of the implementation that the processes use."""
-        return SIZES[RosMiddleware.CYCLONE_DDS if self.release.fast_dds is None else self.middleware]
+        return SIZES[model.RosMiddleware.CYCLONE_DDS if self.release.fast_dds is None else self.middleware]
 
     @property
     def announced_mb_a_day(self) -> float:
@@ -233,8 +224,10 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
     `release` overrides the declared distribution. Raises UsageError where nothing is declared or the host talks no DDS.
     """
     dds = _require_dds(declaration)
-    if not isinstance(host.device, ServerComputer):
-        there = ", ".join(item.name for item in declaration.hosts.values() if isinstance(item.device, ServerComputer))
+    if not isinstance(host.device, model.ServerComputer):
+        there = ", ".join(
+            item.name for item in declaration.hosts.values() if isinstance(item.device, model.ServerComputer)
+        )
         raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
     dds_release = _release(release or dds.distribution)
     all_of_them = _participants(declaration, dds)
@@ -256,7 +249,7 @@ def profile_views(declaration: Declaration, host: Host, release: str | None = No
             lease_s=dds.lease_s,
             tuning=_tuning(declaration, bearer.kind, {peer.site for peer in reachable} - {host.site}),
             over=dds.over,
-            vpn=VpnHeaders.of(declaration.pilot.vpn.transport),
+            vpn=standing_traffic.VpnHeaders.of(declaration.pilot.vpn.transport),
         )
         for bearer in declaration.sites[host.site].bearers
     )
@@ -269,11 +262,11 @@ class MemberDds:
     name: str
     address: str
     """In the VPN."""
-    pace: Pace
+    pace: model.Pace
     """Of the link that carries its tunnel."""
     peers: tuple[tuple[str, str], ...]
     """Name and address of those whom it may find."""
-    distribution: RosDistribution
+    distribution: model.RosDistribution
 
 
 def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
@@ -294,23 +287,23 @@ def member_view(declaration: Declaration, member: MemberDds) -> ProfileView:
         processes=dds.processes,
         lease_s=dds.lease_s,
         over=dds.over,
-        vpn=VpnHeaders.of(declaration.pilot.vpn.transport),
-        tuning=TUNING[max(member.pace, Pace.MOBILE)],
+        vpn=standing_traffic.VpnHeaders.of(declaration.pilot.vpn.transport),
+        tuning=TUNING[max(member.pace, model.Pace.MOBILE)],
     )
 
 
 def member_files(view: ProfileView) -> dict[str, str]:
     """What such a computer puts into `PROFILES`: name -> text."""
-    return _files(view, PROFILES)
+    return _files(view, services.PROFILES)
 
 
-def _tuning(declaration: Declaration, kind: BearerKind, sites: set[str | None]) -> Tuning:
+def _tuning(declaration: Declaration, kind: model.BearerKind, sites: set[str | None]) -> Tuning:
     """Of the slowest link on the way: what a control centre announces, a vessel receives over its satellite."""
     far = {bearer.kind for name, site in declaration.sites.items() if name in sites for bearer in site.bearers}
     return TUNING[max(each.traits.pace for each in {kind, *far})]
 
 
-def _require_dds(declaration: Declaration) -> Dds:
+def _require_dds(declaration: Declaration) -> model.Dds:
     if declaration.pilot.dds is None:
         raise UsageError("the pilot declares no DDS", hint="write `dds: {distribution: foxy}` below `pilot:`")
     return declaration.pilot.dds
@@ -322,18 +315,18 @@ def _release(name: str) -> DdsRelease:
     return RELEASES[name]
 
 
-_KINDS = (ControlCentre, Gateway)
+_KINDS = (model.ControlCentre, model.Gateway)
 
 
-def _participants(declaration: Declaration, dds: Dds) -> list[_DdsHost]:
+def _participants(declaration: Declaration, dds: model.Dds) -> list[_DdsHost]:
     """Hosts, then the peers that are declared; in LANs also the vehicles that have a reservation there."""
     result = [
         _DdsHost(name, dds.address_of(host.device), host.site, *(isinstance(host.device, kind) for kind in _KINDS))
         for name, host in declaration.hosts.items()
-        if isinstance(host.device, ServerComputer)
+        if isinstance(host.device, model.ServerComputer)
     ]
     result += [_DdsHost(peer.name, str(peer.address), peer.site, everywhere=False) for peer in dds.peers]
-    if dds.over is DdsPath.LAN:
+    if dds.over is model.DdsPath.LAN:
         known_addresses = {participant.address for participant in result}
         result += [
             _DdsHost(reservation.name, str(reservation.address), name, everywhere=False)
@@ -349,7 +342,7 @@ LOGIN = "/etc/profile.d/atlantis-rosenv.sh"
 
 Its name sorts after that of ROS 2's own set-up, `atlantis-ros2.sh`: since Iron that may narrow the range of discovery.
 """
-_READERS = (SERVICE, RECORDING, BRIDGE, BRIDGE_OF_PACKAGES)
+_READERS = (SERVICE, RECORDING, services.BRIDGE, BRIDGE_OF_PACKAGES)
 """Units that read a profile when they start, and keep it. One that does not run is left alone; one that waits for the
 VPN is not waited for.
 """
@@ -370,16 +363,20 @@ class GatewayDds:
 
     def as_dict(self) -> dict[str, Any]:
         """The parameters of the role's tasks."""
-        read = [path for path in self.files if path.startswith(f"{PROFILES}/{self.in_use}/") or path == ENVIRONMENT]
+        read = [
+            path
+            for path in self.files
+            if path.startswith(f"{services.PROFILES}/{self.in_use}/") or path == services.ENVIRONMENT
+        ]
         return {
             "in_use": self.in_use,
             "configure": {
                 "files": [{"path": path, "content": content} for path, content in self.files.items()],
-                "absent": [path for path in (ENVIRONMENT, LOGIN) if path not in self.files],
-                "only": [PROFILES],
-                "units": [{"name": name, "after": read or [ENVIRONMENT], "wait": False} for name in _READERS],
+                "absent": [path for path in (services.ENVIRONMENT, LOGIN) if path not in self.files],
+                "only": [services.PROFILES],
+                "units": [{"name": name, "after": read or [services.ENVIRONMENT], "wait": False} for name in _READERS],
             },
-            "elsewhere": {"variables": dict(self.alone), "ours": [ENVIRONMENT, LOGIN]},
+            "elsewhere": {"variables": dict(self.alone), "ours": [services.ENVIRONMENT, LOGIN]},
         }
 
 
@@ -389,9 +386,11 @@ def gateway_dds(declaration: Declaration, host: Host) -> GatewayDds:
         return GatewayDds()
     views = profile_views(declaration, host)
     slowest = _slowest(views)
-    files = {f"{PROFILES}/{name}": text for view in views for name, text in profiles(view).items()}
-    files[ENVIRONMENT] = files[f"{PROFILES}/{slowest.bearer}/ros.env"]
-    files[LOGIN] = environment().get_template("gateway/ros-profile.sh.j2").render(environment=ENVIRONMENT)
+    files = {f"{services.PROFILES}/{name}": text for view in views for name, text in profiles(view).items()}
+    files[services.ENVIRONMENT] = files[f"{services.PROFILES}/{slowest.bearer}/ros.env"]
+    files[LOGIN] = (
+        render.environment().get_template("gateway/ros-profile.sh.j2").render(environment=services.ENVIRONMENT)
+    )
     return GatewayDds(slowest.bearer, files, {**_NARROWS, **slowest.release.environment})
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Configuration, File, Unit
+from atlantis_netcfg.computers import parts
 from atlantis_netcfg.computers.reflector import taken_away
 from atlantis_netcfg.inventory.model import ServerComputer, VpnServer
 from atlantis_netcfg.routeros.render import environment
@@ -58,11 +58,11 @@ def dds_link(declaration: Declaration, host: Host) -> DdsLink | None:
     return DdsLink(str(vpn.endpoint), str(server.vpn_address or vpn.endpoint))
 
 
-def dds_link_unit(link: DdsLink | None) -> Configuration:
+def dds_link_unit(link: DdsLink | None) -> parts.Configuration:
     """Pure. What asks the router; None: what is taken away."""
     away = taken_away("stop asking whether DDS may cross the link in use", SERVICE)
     if link is None:
-        return Configuration(absent=(_UNIT,), steps=(away,))
+        return parts.Configuration(absent=(_UNIT,), steps=(away,))
     text = environment().get_template("gateway/dds-link.service.j2").render(link=link)
-    unit = Unit(SERVICE, enabled=True, active=True, after=(_UNIT,))
-    return Configuration(files=(File(_UNIT, text),), steps=(away,), units=(unit,))
+    unit = parts.Unit(SERVICE, enabled=True, active=True, after=(_UNIT,))
+    return parts.Configuration(files=(parts.File(_UNIT, text),), steps=(away,), units=(unit,))

@@ -9,14 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Package, Unit
-from atlantis_netcfg.computers.services import ENVIRONMENT, VPN_INTERFACE, with_the_vpn
-from atlantis_netcfg.inventory.model import ServerComputer
+from atlantis_netcfg.computers import parts, services
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Interop, Repository
 
 PREFIX = "/opt/atlantis/interop"
 SERVICE = "atlantis-data-gateway.service"
@@ -37,10 +35,10 @@ _BUILD_RECORD = f"{PREFIX}/current/build.json"
 class GatewayInterop:
     """What the role installs, builds, configures and tries. Without a declared library: what is taken away."""
 
-    packages: tuple[Package, ...] = ()
+    packages: tuple[parts.Package, ...] = ()
     build: dict[str, Any] | None = None
     """Parameters of the module `build`, without tokens."""
-    configuration: Configuration = field(default_factory=Configuration)
+    configuration: parts.Configuration = field(default_factory=parts.Configuration)
     connection_test: dict[str, Any] | None = None
     """Parameters of the module `connection_test`."""
 
@@ -57,7 +55,7 @@ class GatewayInterop:
 
 def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
     """Pure. The declaration is valid: where a library is built, there is a release of ROS 2."""
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     interop = declaration.pilot.gateways.interop
     dds = declaration.pilot.dds
     if interop is None or dds is None or not host.device.has_interop:
@@ -65,7 +63,7 @@ def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
     ros = f"/opt/ros/{dds.distribution.value}/setup.sh"
     names = dict.fromkeys((*_PACKAGES, *interop.packages))
     return GatewayInterop(
-        packages=tuple(Package(name) for name in names),
+        packages=tuple(parts.Package(name) for name in names),
         build={
             "library": _repository(interop.library),
             "examples": _repository(interop.examples),
@@ -77,34 +75,34 @@ def gateway_interop(declaration: Declaration, host: Host) -> GatewayInterop:
     )
 
 
-def _repository(repository: Repository | None) -> dict[str, str] | None:
+def _repository(repository: model.Repository | None) -> dict[str, str] | None:
     return None if repository is None else {"url": repository.url, "revision": repository.revision}
 
 
-def _configuration(interop: Interop | None, ros: str) -> Configuration:
-    files: tuple[File, ...] = ()
+def _configuration(interop: model.Interop | None, ros: str) -> parts.Configuration:
+    files: tuple[parts.File, ...] = ()
     if interop is not None:
         files += (
-            File(_USER, f'u {USER} - "ATLANTIS data gateway" /var/lib/{USER}\n'),
+            parts.File(_USER, f'u {USER} - "ATLANTIS data gateway" /var/lib/{USER}\n'),
             # ROS writes a log for every process, and removes none.
-            File(_LOGS, f"d /var/log/{USER} 0750 {USER} {USER} 14d\n"),
-            File(_SETUP_SCRIPT, _render("interop.sh.j2", ros=ros), validate=("sh", "-n", "%s")),
+            parts.File(_LOGS, f"d /var/log/{USER} 0750 {USER} {USER} 14d\n"),
+            parts.File(_SETUP_SCRIPT, _render("interop.sh.j2", ros=ros), validate=("sh", "-n", "%s")),
         )
     if interop is not None and interop.service is not None:
         command = _render("data-gateway.sh.j2", service=interop.service)
         files += (
-            File(_COMMAND, command, mode="0755", validate=("sh", "-n", "%s"), hint=_NO_COMMAND),
-            File(_UNIT, _render("data-gateway.service.j2", service=interop.service)),
+            parts.File(_COMMAND, command, mode="0755", validate=("sh", "-n", "%s"), hint=_NO_COMMAND),
+            parts.File(_UNIT, _render("data-gateway.service.j2", service=interop.service)),
         )
     file_paths = {file.path for file in files}
-    units = (Unit(SERVICE, enabled=True, after=(_UNIT, _COMMAND, _SETUP_SCRIPT, _BUILD_RECORD), wait=False),)
-    return Configuration(
+    units = (parts.Unit(SERVICE, enabled=True, after=(_UNIT, _COMMAND, _SETUP_SCRIPT, _BUILD_RECORD), wait=False),)
+    return parts.Configuration(
         files=files,
         absent=tuple(path for path in (_UNIT, _COMMAND, _SETUP_SCRIPT, _LOGS) if path not in file_paths),
         steps=(
-            ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
-            ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
-            with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
+            parts.ConvergeStep("make the data gateway's account", ("systemd-sysusers", _USER), (_USER,)),
+            parts.ConvergeStep("make the data gateway's logs", ("systemd-tmpfiles", "--create", _LOGS), (_LOGS,)),
+            services.with_the_vpn("start the data gateway with the VPN, or take it away", SERVICE),
         ),
         units=units if _UNIT in file_paths else (),
         checks=_CHECKS if _UNIT in file_paths else (),
@@ -120,7 +118,7 @@ done
 """
 """Whether `CPUQuota=` is enforced: a file of either kind of control groups; without a group yet, the kernel's build."""
 _CHECKS = (
-    Check(
+    parts.Check(
         ("sh", "-c", _CHECK_CPU_QUOTA),
         "`cpu_percent` of the data gateway is not enforced: nothing here shows that the kernel was built with "
         "CONFIG_CFS_BANDWIDTH",
@@ -131,11 +129,17 @@ _NO_COMMAND = "look at `command` of `service:`: a quotation mark may be missing"
 
 
 def _render(template: str, **values: object) -> str:
-    names = {"prefix": PREFIX, "sourced": _SETUP_SCRIPT, "command": _COMMAND, "user": USER, "environment": ENVIRONMENT}
-    return environment().get_template(f"gateway/{template}").render(**names, interface=VPN_INTERFACE, **values)
+    names = {
+        "prefix": PREFIX,
+        "sourced": _SETUP_SCRIPT,
+        "command": _COMMAND,
+        "user": USER,
+        "environment": services.ENVIRONMENT,
+    }
+    return environment().get_template(f"gateway/{template}").render(**names, interface=services.VPN_INTERFACE, **values)
 
 
-def _connection_test(interop: Interop) -> dict[str, Any] | None:
+def _connection_test(interop: model.Interop) -> dict[str, Any] | None:
     if interop.connection_test is None:
         return None
     examples = f"{PREFIX}/current/examples"
@@ -143,9 +147,9 @@ def _connection_test(interop: Interop) -> dict[str, Any] | None:
         "program": f"{examples}/build/{interop.connection_test.program}",
         "config": f"{examples}/{interop.connection_test.config}",
         "sourced": _SETUP_SCRIPT,
-        "environment": ENVIRONMENT,
+        "environment": services.ENVIRONMENT,
         "built": _BUILD_RECORD,
         "user": USER,
-        "interface": VPN_INTERFACE,
+        "interface": services.VPN_INTERFACE,
         "seconds": _TEST_S,
     }

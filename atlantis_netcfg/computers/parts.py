@@ -21,7 +21,7 @@ from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.de
     Unit,
     WayIn,
 )
-from atlantis_netcfg.inventory.model import AddressBy, NetworkTool, SiteComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -72,9 +72,9 @@ class _InstalledTool:
 
 
 _TOOLS = {
-    NetworkTool.NETPLAN: _InstalledTool("network-netplan.yaml.j2", "/etc/netplan/10-atlantis.yaml", "0600"),
-    NetworkTool.IFUPDOWN: _InstalledTool("network-interfaces.j2", "/etc/network/interfaces", "0644"),
-    NetworkTool.NETWORKD: _InstalledTool(
+    model.NetworkTool.NETPLAN: _InstalledTool("network-netplan.yaml.j2", "/etc/netplan/10-atlantis.yaml", "0600"),
+    model.NetworkTool.IFUPDOWN: _InstalledTool("network-interfaces.j2", "/etc/network/interfaces", "0644"),
+    model.NetworkTool.NETWORKD: _InstalledTool(
         "network-networkd.network.j2", "/etc/systemd/network/05-atlantis.network", "0644"
     ),
 }
@@ -118,7 +118,7 @@ class NetworkPart:
 def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None:
     """Pure. None where no network is declared: it then stays as the image has it."""
     device = host.device
-    assert isinstance(device, SiteComputer)  # noqa: S101 - callers choose computers
+    assert isinstance(device, model.SiteComputer)  # noqa: S101 - callers choose computers
     if device.network is None:
         return None
     site = declaration.sites[host.site].lan
@@ -127,7 +127,7 @@ def computer_network(declaration: Declaration, host: Host) -> NetworkPart | None
         address=f"{device.address}/{site.network.prefixlen}",
         gateway=str(site.gateway),
         domain=site.domain,
-        dhcp=device.image is not None and device.image.address_by is AddressBy.DHCP,
+        dhcp=device.image is not None and device.image.address_by is model.AddressBy.DHCP,
     )
     tool = _TOOLS[device.network.by]
     return NetworkPart(

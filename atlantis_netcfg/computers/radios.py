@@ -12,16 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Brought, Check, ConvergeStep, File, Package, Unit
-from atlantis_netcfg.inventory import channels
-from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiRole
+from atlantis_netcfg.computers import parts
+from atlantis_netcfg.inventory import channels, model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import GatewayAccessPoint, WifiEndpoint
 
 FOLDER = "/etc/atlantis/radios"
 """Ours alone: whatever else stands in it goes."""
@@ -61,7 +59,7 @@ class AccessPoint:
 
     vehicle: str
     """Its key in the declaration."""
-    wifi: WifiEndpoint
+    wifi: model.WifiEndpoint
 
     @property
     def ssid(self) -> str:
@@ -113,7 +111,7 @@ class JoiningRadio:
 class OpenedNetwork:
     """The radio that is an access point itself."""
 
-    radio: GatewayAccessPoint
+    radio: model.GatewayAccessPoint
 
     placeholder: str = "@key-of-the-access-point@"
 
@@ -160,20 +158,22 @@ def interfaces(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return tuple(names if access_point is None else [*names, access_point.interface])
 
 
-def opened_radio(host: Host) -> GatewayAccessPoint | None:
+def opened_radio(host: Host) -> model.GatewayAccessPoint | None:
     """The radio that opens a network; None: no radio does. Only gateways have radios."""
-    return host.device.access_point if isinstance(host.device, Gateway) else None
+    return host.device.access_point if isinstance(host.device, model.Gateway) else None
 
 
 def radios(declaration: Declaration, host: Host) -> tuple[JoiningRadio, ...]:
     """The radios of a gateway that join somebody: by the vehicles that are tested at its site, in their order."""
-    if not isinstance(host.device, Gateway):
+    if not isinstance(host.device, model.Gateway):
         return ()
     vehicle_keys = declaration.sites[host.site].checklist.vehicles
     access_points: dict[str, list[AccessPoint]] = {}
     for key in declaration.vehicles if vehicle_keys is None else vehicle_keys:
         wifi = declaration.vehicles[key].endpoints.wifi
-        should_join = wifi is not None and wifi.role is WifiRole.ACCESS_POINT and wifi.seen_from is SeenFrom.GATEWAY
+        should_join = (
+            wifi is not None and wifi.role is model.WifiRole.ACCESS_POINT and wifi.seen_from is model.SeenFrom.GATEWAY
+        )
         if wifi is not None and should_join and wifi.key is not None:
             access_points.setdefault(wifi.interface, []).append(AccessPoint(key, wifi))
     return tuple(JoiningRadio(interface, tuple(access_points[interface])) for interface in sorted(access_points))
@@ -192,10 +192,10 @@ class GatewayRadios:
     """A machine of a rehearsal has no radio, and says so."""
 
     @property
-    def packages(self) -> tuple[Package, ...]:
+    def packages(self) -> tuple[parts.Package, ...]:
         """What runs a radio."""
-        joining = (Package("wpasupplicant"),) if self.radios else ()
-        return joining if self.access_point is None else (*joining, Package("hostapd"))
+        joining = (parts.Package("wpasupplicant"),) if self.radios else ()
+        return joining if self.access_point is None else (*joining, parts.Package("hostapd"))
 
     @property
     def absent(self) -> tuple[str, ...]:
@@ -204,22 +204,24 @@ class GatewayRadios:
         return tuple(path for path, there in needs_by_unit.items() if not there)
 
     @property
-    def files(self) -> Iterator[File]:
+    def files(self) -> Iterator[parts.File]:
         """Unit, networks and keys."""
         for radio in self.radios:
             text = _render("radio.conf.j2", radio=radio, country=self.country)
-            yield File(radio.file, text, mode="0600", validate=ACCEPT_SUPPLICANT)
+            yield parts.File(radio.file, text, mode="0600", validate=ACCEPT_SUPPLICANT)
             for path, item in radio.networks.items():
-                yield File(path, _render("radio.network.j2", radio=radio, item=item))
+                yield parts.File(path, _render("radio.network.j2", radio=radio, item=item))
         if self.radios:
-            yield File(UNIT, _render("radio.service.j2", folder=FOLDER))
+            yield parts.File(UNIT, _render("radio.service.j2", folder=FOLDER))
         if self.access_point is not None:
             text = _render("access-point.conf.j2", access_point=self.access_point, country=self.country)
-            yield File(self.access_point.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
-            yield File(
+            yield parts.File(self.access_point.file, text, mode="0600", validate=ACCEPT_HOSTAPD)
+            yield parts.File(
                 ACCESS_POINT_UNIT, _render("access-point.service.j2", folder=FOLDER, access_point=self.access_point)
             )
-            yield File(self.access_point.network, _render("access-point.network.j2", access_point=self.access_point))
+            yield parts.File(
+                self.access_point.network, _render("access-point.network.j2", access_point=self.access_point)
+            )
 
     @property
     def _running(self) -> list[tuple[str, str, str, str]]:
@@ -238,39 +240,43 @@ class GatewayRadios:
         return tuple(network_paths if self.access_point is None else [*network_paths, self.access_point.network])
 
     @property
-    def steps(self) -> tuple[ConvergeStep, ...]:
+    def steps(self) -> tuple[parts.ConvergeStep, ...]:
         """What is declared no more is taken away before what is declared is started."""
         names = " ".join(unit for _, unit, _, _ in self._running)
-        remove = ConvergeStep(
+        remove = parts.ConvergeStep(
             "take away the radios that are declared no more",
             ("sh", "-c", _TAKE_AWAY, "sh", f" {' '.join(self._networks)} ", f" {names} "),
             (UNIT, ACCESS_POINT_UNIT),
         )
         start = (
-            ConvergeStep(f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read))
+            parts.ConvergeStep(
+                f"start {name} where it is plugged in", ("sh", "-c", _START, "sh", unit, name), (file, read)
+            )
             for name, unit, file, read in self._running
         )
         if not self._networks:
             return (remove,)
-        reload = ConvergeStep("let systemd-networkd read the networks of radios", ("sh", "-c", _RELOAD), self._networks)
+        reload = parts.ConvergeStep(
+            "let systemd-networkd read the networks of radios", ("sh", "-c", _RELOAD), self._networks
+        )
         return (remove, reload, *start)
 
     @property
-    def units(self) -> Iterator[Unit]:
+    def units(self) -> Iterator[parts.Unit]:
         """A radio that is not plugged in is not waited for; with one that is, systemd-networkd starts."""
         for _, unit, file, read in self._running:
-            yield Unit(unit, enabled=True, after=(file, read), wait=False)
+            yield parts.Unit(unit, enabled=True, after=(file, read), wait=False)
         if self.access_point is not None:
             # Debian's own, which reads another file; it would take every radio of that file.
-            yield Unit("hostapd.service", enabled=False, active=False)
+            yield parts.Unit("hostapd.service", enabled=False, active=False)
 
     @property
-    def brought(self) -> tuple[Brought, ...]:
+    def brought(self) -> tuple[parts.Brought, ...]:
         """A radio is a thing that a person plugs in."""
         notes = {radio.interface: self._joins(radio) for radio in self.radios}
         if self.access_point is not None:
             notes[self.access_point.interface] = self._opens(self.access_point)
-        return tuple(Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
+        return tuple(parts.Brought(f"/sys/class/net/{name}", note) for name, note in notes.items())
 
     def _joins(self, radio: JoiningRadio) -> str:
         name, vehicles = radio.interface, ", ".join(item.vehicle for item in radio.access_points)
@@ -285,14 +291,14 @@ class GatewayRadios:
         return f"there is no radio {name} here, which opens the network {ssid}: plug it in"
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[parts.Check, ...]:
         """Nobody else drives the radios."""
         names = [name for name, _, _, _ in self._running]
         if not names:
             return ()
         hint = "on the computer: `nmcli device set NAME managed no`, and so in a file of /etc/NetworkManager/conf.d"
         finding = f"NetworkManager drives a radio of {', '.join(names)} as well, and may take it away"
-        return (Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
+        return (parts.Check(("sh", "-c", _ALONE, "sh", *names), finding, hint),)
 
     @property
     def secrets(self) -> dict[str, str]:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.computers.services import StartedService, runs_with_the_vpn, with_the_vpn
+from atlantis_netcfg.computers import parts, services
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -33,26 +32,28 @@ def packages(release: str) -> tuple[str, ...]:
     )
 
 
-def recording(config: Recording | None, release: str) -> Configuration:
+def recording(config: Recording | None, release: str) -> parts.Configuration:
     """Pure. None: what is taken away."""
     files = tuple(_files(config, release)) if config is not None else ()
     file_paths = {file.path for file in files}
-    return Configuration(
+    return parts.Configuration(
         files=files,
         absent=tuple(path for path in (_UNIT, _PROGRAM, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
-            ConvergeStep("make the recording's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
-            ConvergeStep("make the recording's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
-            with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
+            parts.ConvergeStep("make the recording's account", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
+            parts.ConvergeStep(
+                "make the recording's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+            ),
+            services.with_the_vpn("start the recording with the VPN, or take it away", SERVICE),
         ),
-        units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
-        checks=(runs_with_the_vpn(_NOT_RUNNING, SERVICE),) if files else (),
+        units=(parts.Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM), wait=False),) if files else (),
+        checks=(services.runs_with_the_vpn(_NOT_RUNNING, SERVICE),) if files else (),
     )
 
 
-def _files(config: Recording, release: str) -> tuple[File, ...]:
+def _files(config: Recording, release: str) -> tuple[parts.File, ...]:
     words = (f"/opt/ros/{release}/setup.sh", config.folder, str(config.budget_mb), *config.topics)
-    service = StartedService(
+    service = services.StartedService(
         name=SERVICE,
         title="recording",
         user=USER,
@@ -63,8 +64,8 @@ def _files(config: Recording, release: str) -> tuple[File, ...]:
         dds=True,
     )
     return (
-        File(_ACCOUNT, f'u {USER} - "ATLANTIS recording" {config.folder}\n'),
-        File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
-        File(_PROGRAM, environment().get_template("gateway/recording.py").render()),
+        parts.File(_ACCOUNT, f'u {USER} - "ATLANTIS recording" {config.folder}\n'),
+        parts.File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
+        parts.File(_PROGRAM, environment().get_template("gateway/recording.py").render()),
         service.unit(),
     )

@@ -14,14 +14,13 @@ from __future__ import annotations
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Unit
+from atlantis_netcfg.computers import parts
 from atlantis_netcfg.computers.services import HOLDS_PORT
-from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ServerComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Host
-    from atlantis_netcfg.inventory.model import Pilot, Qualify
 
 SERVICE = "atlantis-reflector.service"
 PROGRAM = "/usr/local/lib/atlantis/reflector.py"
@@ -45,35 +44,38 @@ systemctl daemon-reload
 """
 
 
-def reflector(host: Host) -> Configuration:
+def reflector(host: Host) -> parts.Configuration:
     """Pure. What answers checklists; of a computer that is not in the VPN: what is taken away."""
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - `gateway_base` has looked
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - `gateway_base` has looked
     away = taken_away("take the answers to checklists away", SERVICE)
     if host.device.vpn_address is None:
-        return Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
+        return parts.Configuration(absent=(_UNIT, PROGRAM), steps=(away,))
     unit = _unit(
         title="answers to the checklist of other sites",
-        command=f"/usr/bin/python3 -I {PROGRAM} {host.name} {host.device.vpn_address} {REFLECTOR_PORT}",
+        command=f"/usr/bin/python3 -I {PROGRAM} {host.name} {host.device.vpn_address} {model.REFLECTOR_PORT}",
     )
-    return Configuration(
-        files=(File(PROGRAM, environment().get_template("gateway/reflector.py").render()), File(_UNIT, unit)),
+    return parts.Configuration(
+        files=(
+            parts.File(PROGRAM, environment().get_template("gateway/reflector.py").render()),
+            parts.File(_UNIT, unit),
+        ),
         steps=(away,),
-        units=(Unit(SERVICE, enabled=True, active=True, after=(_UNIT, PROGRAM)),),
-        checks=(_holds(SERVICE, REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
+        units=(parts.Unit(SERVICE, enabled=True, active=True, after=(_UNIT, PROGRAM)),),
+        checks=(_holds(SERVICE, model.REFLECTOR_PORT, "nothing answers the checklists of other sites"),),
     )
 
 
-def measured_at(host: str, pilot: Pilot) -> Qualify | None:
+def measured_at(host: str, pilot: model.Pilot) -> model.Qualify | None:
     """Give what is declared of measured links if this computer is their far end."""
     return pilot.qualify if pilot.qualify is not None and pilot.qualify.reflector == host else None
 
 
-def far_end(host: str, pilot: Pilot) -> Configuration:
+def far_end(host: str, pilot: model.Pilot) -> parts.Configuration:
     """Pure. What answers the test packets of measured links; of another computer: what is taken away."""
     away = taken_away("take the far end of measured links away", QUALIFY_SERVICE)
     qualify = measured_at(host, pilot)
     if qualify is None:
-        return Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
+        return parts.Configuration(absent=(_QUALIFY_UNIT, QUALIFY_KEY), only=(QUALIFY_FOLDER,), steps=(away,))
     unit = _unit(
         title="far end of measured links",
         command=f"{_START} --name {host} --port {qualify.port} --idle-s {_IDLE_S} --key-file -",
@@ -83,20 +85,20 @@ def far_end(host: str, pilot: Pilot) -> Configuration:
         privileged=qualify.port < _PRIVILEGED_PORT,
     )
     programs = tuple(
-        File(f"{QUALIFY_FOLDER}/{_PACKAGE}/{source.name}", source.read_text("utf-8"))
+        parts.File(f"{QUALIFY_FOLDER}/{_PACKAGE}/{source.name}", source.read_text("utf-8"))
         for source in sorted(
             resources.files("atlantis_netcfg.links.qualify.reflector").iterdir(), key=lambda source: source.name
         )
         if source.name.endswith(".py")
     )
-    files = (*programs, File(QUALIFY_KEY, f"{QUALIFY_SECRET}\n", mode="0600"), File(_QUALIFY_UNIT, unit))
-    return Configuration(
+    files = (*programs, parts.File(QUALIFY_KEY, f"{QUALIFY_SECRET}\n", mode="0600"), parts.File(_QUALIFY_UNIT, unit))
+    return parts.Configuration(
         files=files,
         only=(QUALIFY_FOLDER,),
         steps=(away,),
-        units=(Unit(QUALIFY_SERVICE, enabled=False, after=tuple(file.path for file in files)),),
+        units=(parts.Unit(QUALIFY_SERVICE, enabled=False, after=tuple(file.path for file in files)),),
         checks=(
-            Check(
+            parts.Check(
                 ("sh", "-c", f"cd {QUALIFY_FOLDER} && exec {_START} --help >/dev/null"),
                 "the program that answers the measurements of links does not start",
                 f"on the computer: `cd {QUALIFY_FOLDER} && {_START} --help` tells why",
@@ -110,13 +112,13 @@ def _unit(**values: str | bool) -> str:
     return environment().get_template("gateway/reflector.service.j2").render(usual | values)
 
 
-def taken_away(words: str, service: str) -> ConvergeStep:
+def taken_away(words: str, service: str) -> parts.ConvergeStep:
     """Stop a service whose unit file is gone."""
-    return ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
+    return parts.ConvergeStep(words, ("sh", "-c", _TAKE_AWAY, "sh", service), (f"{_UNITS}/{service}",))
 
 
-def _holds(service: str, port: int, finding: str) -> Check:
-    return Check(
+def _holds(service: str, port: int, finding: str) -> parts.Check:
+    return parts.Check(
         ("sh", "-c", HOLDS_PORT, "sh", service, "u", str(port)),
         f"{finding} at UDP port {port}",
         f"on the computer: `systemctl status {service}` and `journalctl -eu {service}` tell why",

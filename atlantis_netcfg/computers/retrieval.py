@@ -17,13 +17,12 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.inventory.model import COLLECTION_FOLDER, RetrievalRobot, ServerComputer
+from atlantis_netcfg.computers import parts
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Retrieval, RetrievalSource
 
 SERVICE = "atlantis-retrieval.service"
 PROGRAM = "/usr/local/lib/atlantis/retrieval.py"
@@ -55,7 +54,7 @@ Match User {USER}
 """
 
 
-def sources_of(declaration: Declaration, host: str) -> tuple[RetrievalSource | RetrievalRobot, ...]:
+def sources_of(declaration: Declaration, host: str) -> tuple[model.RetrievalSource | model.RetrievalRobot, ...]:
     """What is declared to be sent by a gateway: its own recordings, then those of robots."""
     retrieval = declaration.pilot.retrieval
     sources = () if retrieval is None else retrieval.all_sources
@@ -69,7 +68,7 @@ def packages(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return PACKAGES if host.name in ends else ()
 
 
-def robot_address(declaration: Declaration, robot: RetrievalRobot) -> str:
+def robot_address(declaration: Declaration, robot: model.RetrievalRobot) -> str:
     """The declared address, else that of the robot's reservation at the gateway's site."""
     if robot.address is not None:
         return str(robot.address)
@@ -77,13 +76,13 @@ def robot_address(declaration: Declaration, robot: RetrievalRobot) -> str:
     return next(str(each.address) for each in lan.reservations if each.name == robot.robot)
 
 
-def line_for_robot(declaration: Declaration, robot: RetrievalRobot) -> str:
+def line_for_robot(declaration: Declaration, robot: model.RetrievalRobot) -> str:
     """For `authorized_keys` of the robot's account: one folder, to read it and nothing else."""
     kind, key = (_computer(declaration, robot.host).ssh.host_key or "").split(" ")[:2]
     return f'restrict,command="rrsync -ro {robot.folder}" {kind} {key} {robot.host}'
 
 
-def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> Configuration:
+def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = False) -> parts.Configuration:
     """Pure. Where nothing is declared of a computer: what is taken away. In a rehearsal it has another host key."""
     config, sources = declaration.pilot.retrieval, sources_of(declaration, host.name)
     sends = () if config is None or not sources else _sender(declaration, host, config, sources)
@@ -91,23 +90,30 @@ def retrieval(declaration: Declaration, host: Host, *, is_rehearsal: bool = Fals
     files = (*sends, *takes)
     file_paths = {file.path for file in files}
     ours = (_UNIT, PROGRAM, _ROBOT_PROGRAM, _SETTINGS, _KNOWN_HOSTS, _SSHD, _KEYS, _RECEIVER, _ACCOUNT, _FOLDER)
-    return Configuration(
+    return parts.Configuration(
         files=files,
         absent=tuple(path for path in ours if path not in file_paths),
         steps=(
-            ConvergeStep("take the retrieval of recordings away", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
-            ConvergeStep("make the account of recordings", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
-            ConvergeStep("make the folder of recordings", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
-            ConvergeStep("let sshd admit gateways, or no more", ("systemctl", "reload", "ssh.service"), (_SSHD,)),
+            parts.ConvergeStep("take the retrieval of recordings away", ("sh", "-c", _TAKE_AWAY), (_UNIT,)),
+            parts.ConvergeStep(
+                "make the account of recordings", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)
+            ),
+            parts.ConvergeStep(
+                "make the folder of recordings", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+            ),
+            parts.ConvergeStep("let sshd admit gateways, or no more", ("systemctl", "reload", "ssh.service"), (_SSHD,)),
         ),
-        units=(Unit(SERVICE, enabled=True),) if sends else (),
+        units=(parts.Unit(SERVICE, enabled=True),) if sends else (),
         checks=(_key_check(host),) if files and not is_rehearsal else (),
     )
 
 
 def _sender(
-    declaration: Declaration, host: Host, config: Retrieval, sources: tuple[RetrievalSource | RetrievalRobot, ...]
-) -> tuple[File, ...]:
+    declaration: Declaration,
+    host: Host,
+    config: model.Retrieval,
+    sources: tuple[model.RetrievalSource | model.RetrievalRobot, ...],
+) -> tuple[parts.File, ...]:
     centre, device = _computer(declaration, config.to), _computer(declaration, host.name)
     settings = {
         "from": str(device.vpn_address),
@@ -119,24 +125,24 @@ def _sender(
         "key": _key_file(device),
         "sources": {source.name: _source(declaration, source) for source in sources},
     }
-    robots = [source for source in sources if isinstance(source, RetrievalRobot)]
+    robots = [source for source in sources if isinstance(source, model.RetrievalRobot)]
     host_keys = [(config.to, centre.ssh.host_key), *((robot.robot, robot.host_key) for robot in robots)]
     templates = environment()
     unit = templates.get_template("gateway/retrieval.service.j2")
     return (
-        File(_SETTINGS, json.dumps(settings, indent=1) + "\n"),
-        File(_KNOWN_HOSTS, "".join(f"{name} {key}\n" for name, key in host_keys)),
-        File(PROGRAM, templates.get_template("gateway/retrieval.py").render()),
-        File(_ROBOT_PROGRAM, templates.get_template("gateway/retrieval_robot.py").render()),
-        File(_UNIT, unit.render(program=PROGRAM, state=STATE, collected=COLLECTION_FOLDER)),
+        parts.File(_SETTINGS, json.dumps(settings, indent=1) + "\n"),
+        parts.File(_KNOWN_HOSTS, "".join(f"{name} {key}\n" for name, key in host_keys)),
+        parts.File(PROGRAM, templates.get_template("gateway/retrieval.py").render()),
+        parts.File(_ROBOT_PROGRAM, templates.get_template("gateway/retrieval_robot.py").render()),
+        parts.File(_UNIT, unit.render(program=PROGRAM, state=STATE, collected=model.COLLECTION_FOLDER)),
     )
 
 
-def _source(declaration: Declaration, source: RetrievalSource | RetrievalRobot) -> dict[str, str | int]:
-    if not isinstance(source, RetrievalRobot):
+def _source(declaration: Declaration, source: model.RetrievalSource | model.RetrievalRobot) -> dict[str, str | int]:
+    if not isinstance(source, model.RetrievalRobot):
         return {"folder": source.folder}
     return {
-        "folder": f"{COLLECTION_FOLDER}/{source.robot}",
+        "folder": f"{model.COLLECTION_FOLDER}/{source.robot}",
         "budget": source.budget_mb * 1_000_000,
         "robot_address": robot_address(declaration, source),
         "robot_port": source.port,
@@ -144,7 +150,7 @@ def _source(declaration: Declaration, source: RetrievalSource | RetrievalRobot) 
     }
 
 
-def _receiver(declaration: Declaration, config: Retrieval) -> tuple[File, ...]:
+def _receiver(declaration: Declaration, config: model.Retrieval) -> tuple[parts.File, ...]:
     lines = []
     for host in dict.fromkeys(source.host for source in config.all_sources):
         device = _computer(declaration, host)
@@ -153,30 +159,30 @@ def _receiver(declaration: Declaration, config: Retrieval) -> tuple[File, ...]:
         kind, key = (device.ssh.host_key or "").split(" ")[:2]
         lines.append(f'restrict,from="{device.vpn_address}",command="{command}" {kind} {key} {host}\n')
     return (
-        File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {config.folder} /bin/sh\n'),
-        File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
-        File(_KEYS, "".join(lines)),
-        File(_SSHD, _MATCH, validate=("sshd", "-t", "-f", "%s")),
-        File(_RECEIVER, environment().get_template("gateway/retrieval_receive.py").render()),
+        parts.File(_ACCOUNT, f'u {USER} - "ATLANTIS recordings" {config.folder} /bin/sh\n'),
+        parts.File(_FOLDER, f"d {config.folder} 0750 {USER} {USER} -\n"),
+        parts.File(_KEYS, "".join(lines)),
+        parts.File(_SSHD, _MATCH, validate=("sshd", "-t", "-f", "%s")),
+        parts.File(_RECEIVER, environment().get_template("gateway/retrieval_receive.py").render()),
     )
 
 
-def _computer(declaration: Declaration, name: str) -> ServerComputer:
+def _computer(declaration: Declaration, name: str) -> model.ServerComputer:
     device = declaration.hosts[name].device
-    assert isinstance(device, ServerComputer)  # noqa: S101 - the rules of the declaration have looked
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the rules of the declaration have looked
     return device
 
 
-def _key_file(device: ServerComputer) -> str:
+def _key_file(device: model.ServerComputer) -> str:
     kind = (device.ssh.host_key or "").split(" ", maxsplit=1)[0]
     return f"/etc/ssh/ssh_host_{_HOST_KEYS.get(kind, 'ecdsa')}_key"
 
 
-def _key_check(host: Host) -> Check:
+def _key_check(host: Host) -> parts.Check:
     device = host.device
-    assert isinstance(device, ServerComputer)  # noqa: S101 - as above
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - as above
     key = (device.ssh.host_key or "").split(" ")[1]
-    return Check(
+    return parts.Check(
         ("grep", "-qF", f" {key}", f"{_key_file(device)}.pub"),
         "the SSH host key of this computer is not the declared one, so recordings cannot be retrieved",
         f"write what its {_key_file(device)}.pub holds as `ssh.host_key` in host_vars/{host.name}.yml",

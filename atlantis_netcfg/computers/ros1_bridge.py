@@ -9,15 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Unit, run_on
-from atlantis_netcfg.computers.services import (
-    BRIDGE_RUNS_NOT,
-    START_BRIDGE,
-    StartedService,
-    bridged_topics,
-    runs_with_the_vpn,
-    with_the_vpn,
-)
+from atlantis_netcfg.computers import parts, services
 from atlantis_netcfg.inventory.model import ROS1_BRIDGE
 from atlantis_netcfg.routeros.render import environment
 
@@ -41,25 +33,27 @@ def packages(release: str) -> tuple[str, ...]:
     return f"ros-{release}-ros1-bridge", f"ros-{ROS1}-ros-comm"
 
 
-def ros1_bridge(config: Ros1Bridge | None, release: str) -> Configuration:
+def ros1_bridge(config: Ros1Bridge | None, release: str) -> parts.Configuration:
     """Pure. None, or one in a container: what is taken away."""
     files = tuple(_files(config, release)) if config is not None and config.archive is None else ()
     file_paths = {file.path for file in files}
-    return Configuration(
+    return parts.Configuration(
         files=files,
         absent=tuple(path for path in (_UNIT, _PROGRAM, _TOPICS, _ACCOUNT, _FOLDER) if path not in file_paths),
         steps=(
-            ConvergeStep("make the bridge's account", run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
-            ConvergeStep("make the bridge's folder", run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)),
-            with_the_vpn(START_BRIDGE, SERVICE),
+            parts.ConvergeStep("make the bridge's account", parts.run_on(_ACCOUNT, "systemd-sysusers"), (_ACCOUNT,)),
+            parts.ConvergeStep(
+                "make the bridge's folder", parts.run_on(_FOLDER, "systemd-tmpfiles", "--create"), (_FOLDER,)
+            ),
+            services.with_the_vpn(services.START_BRIDGE, SERVICE),
         ),
-        units=(Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM, _TOPICS), wait=False),) if files else (),
-        checks=(runs_with_the_vpn(BRIDGE_RUNS_NOT, SERVICE),) if files else (),
+        units=(parts.Unit(SERVICE, enabled=True, after=(_UNIT, _PROGRAM, _TOPICS), wait=False),) if files else (),
+        checks=(services.runs_with_the_vpn(services.BRIDGE_RUNS_NOT, SERVICE),) if files else (),
     )
 
 
-def _files(config: Ros1Bridge, release: str) -> tuple[File, ...]:
-    service = StartedService(
+def _files(config: Ros1Bridge, release: str) -> tuple[parts.File, ...]:
+    service = services.StartedService(
         name=SERVICE,
         title="bridge to ROS 1",
         user=_USER,
@@ -72,9 +66,9 @@ def _files(config: Ros1Bridge, release: str) -> tuple[File, ...]:
     topics = _TOPICS if config.topics else ""
     program = template.render(bridge=config, ros1=f"/opt/ros/{ROS1}", ros2=f"/opt/ros/{release}", topics=topics)
     return (
-        File(_ACCOUNT, f'u {_USER} - "ATLANTIS bridge to ROS 1" {_HOME}\n'),
-        File(_FOLDER, f"d {_HOME} 0750 {_USER} {_USER} -\n"),
-        File(_PROGRAM, program, validate=("sh", "-n", "%s")),
-        *((File(_TOPICS, bridged_topics(config)),) if topics else ()),
+        parts.File(_ACCOUNT, f'u {_USER} - "ATLANTIS bridge to ROS 1" {_HOME}\n'),
+        parts.File(_FOLDER, f"d {_HOME} 0750 {_USER} {_USER} -\n"),
+        parts.File(_PROGRAM, program, validate=("sh", "-n", "%s")),
+        *((parts.File(_TOPICS, services.bridged_topics(config)),) if topics else ()),
         service.unit(),
     )

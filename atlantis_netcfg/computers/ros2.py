@@ -21,26 +21,14 @@ from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils.openpgp import (
-    NotAKey,
-    binary,
-    public_keys,
-)
-from atlantis_netcfg.computers.parts import Configuration, ConvergeStep, File, Package
+from atlantis_netcfg.ansible_collections.atlantis.netcfg.plugins.module_utils import openpgp
+from atlantis_netcfg.computers import parts
 from atlantis_netcfg.computers.recording import packages as recorder
 from atlantis_netcfg.computers.recording import recording
 from atlantis_netcfg.computers.ros1_bridge import packages as bridge
 from atlantis_netcfg.computers.ros1_bridge import ros1_bridge
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.inventory.model import (
-    Dds,
-    Gateway,
-    Ros2,
-    RosDistribution,
-    RosMiddleware,
-    RosOrigin,
-    ServerComputer,
-)
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
@@ -72,9 +60,9 @@ def archive_key(inventory: Path, archive: Archive, key_file: str | None, now: da
     path = inventory / FOLDER / name
     content = _read(path, archive)
     try:
-        keys = public_keys(content)
-        packets = binary(content)
-    except NotAKey as why:
+        keys = openpgp.public_keys(content)
+        packets = openpgp.binary(content)
+    except openpgp.NotAKey as why:
         raise UsageError(f"{FOLDER}/{name} of the inventory is no public key: {why}", hint=_fetch(archive)) from None
     if len(keys) != 1:
         raise UsageError(
@@ -139,10 +127,10 @@ class RosRelease:
     name: str
     codename: str
     ends: date
-    archives: Mapping[RosOrigin, Archive]
+    archives: Mapping[model.RosOrigin, Archive]
     alone: Mapping[str, str]
     """Keeps a process on its computer: for the test of talker and listener, and for nothing else."""
-    ros1: Mapping[RosOrigin, str] = field(default_factory=dict)
+    ros1: Mapping[model.RosOrigin, str] = field(default_factory=dict)
     """Archives of the ROS 1 of that Ubuntu, signed by the same keys; where there is a bridge to it."""
 
 
@@ -162,22 +150,22 @@ _FINAL_FOXY = Archive(
 _BEFORE_IRON = {"ROS_LOCALHOST_ONLY": "1"}
 _SINCE_IRON = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
-RELEASES: Mapping[RosDistribution, RosRelease] = {
-    RosDistribution(release.name): release
+RELEASES: Mapping[model.RosDistribution, RosRelease] = {
+    model.RosDistribution(release.name): release
     for release in (
         RosRelease(
             "foxy",
             "focal",
             date(2023, 6, 20),
-            {RosOrigin.LIVE: _LIVE, RosOrigin.SNAPSHOT: _FINAL_FOXY},
+            {model.RosOrigin.LIVE: _LIVE, model.RosOrigin.SNAPSHOT: _FINAL_FOXY},
             _BEFORE_IRON,
             {
-                RosOrigin.LIVE: "http://packages.ros.org/ros/ubuntu",
-                RosOrigin.SNAPSHOT: "http://snapshots.ros.org/noetic/final/ubuntu",
+                model.RosOrigin.LIVE: "http://packages.ros.org/ros/ubuntu",
+                model.RosOrigin.SNAPSHOT: "http://snapshots.ros.org/noetic/final/ubuntu",
             },
         ),
-        RosRelease("humble", "jammy", date(2027, 5, 31), {RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
-        RosRelease("jazzy", "noble", date(2029, 5, 31), {RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
+        RosRelease("humble", "jammy", date(2027, 5, 31), {model.RosOrigin.LIVE: _LIVE}, _BEFORE_IRON),
+        RosRelease("jazzy", "noble", date(2029, 5, 31), {model.RosOrigin.LIVE: _LIVE}, _SINCE_IRON),
     )
 }
 
@@ -211,14 +199,14 @@ class StandIn:
 class GatewayRos2:
     """What the role installs, writes and tries. Without declared ROS 2 nothing."""
 
-    packages: tuple[Package, ...] = ()
+    packages: tuple[parts.Package, ...] = ()
     sources: Mapping[str, str] = field(default_factory=dict)
     """Path to content; that of ROS 1 only where something of it is wanted."""
     pins: str = ""
     key: ArchiveKey | None = None
     codename: str = ""
     distribution: str = ""
-    configuration: Configuration = field(default_factory=Configuration)
+    configuration: parts.Configuration = field(default_factory=parts.Configuration)
     notes: tuple[str, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
@@ -252,7 +240,7 @@ def gateway_ros2(
     declaration: Declaration, host: Host, stand_in: StandIn | None = None, now: datetime | None = None
 ) -> GatewayRos2:
     """Reads the key of the archive, and is pure beside that. Raises UsageError. `now`: by this computer's clock."""
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - callers choose computers with a base of ours
     ros2, dds = declaration.pilot.gateways.ros2, declaration.pilot.dds
     if ros2 is None or not host.device.has_ros2:
         return GatewayRos2()
@@ -275,7 +263,7 @@ def gateway_ros2(
     else:
         key, url, codename, system = stand_in.key, stand_in.url, stand_in.codename, stand_in.distribution
         notes = (*notes, f"{host.name}: stand-ins take the place of the packages of ROS 2")
-    recording_config = host.device.recording if isinstance(host.device, Gateway) else None
+    recording_config = host.device.recording if isinstance(host.device, model.Gateway) else None
     has_bridge_package = host.device.ros1_bridge is not None and host.device.ros1_bridge.archive is None
     more = (
         *(() if recording_config is None else recorder(release.name)),
@@ -307,7 +295,7 @@ def gateway_ros2(
     )
 
 
-def _archive(release: RosRelease, ros2: Ros2) -> Archive:
+def _archive(release: RosRelease, ros2: model.Ros2) -> Archive:
     """The declared archive; a mirror of a snapshot is signed by the key of the snapshots."""
     archive = release.archives.get(ros2.origin)
     if archive is None and ros2.mirror is not None:
@@ -327,17 +315,17 @@ def _end_of_life_note(release: RosRelease, today: datetime) -> str | None:
     return f"ROS 2 {release.name} has been without security updates since {release.ends:%Y-%m-%d}"
 
 
-def _packages(release: RosRelease, ros2: Ros2, dds: Dds, more: tuple[str, ...]) -> Iterator[Package]:
+def _packages(release: RosRelease, ros2: model.Ros2, dds: model.Dds, more: tuple[str, ...]) -> Iterator[parts.Package]:
     ros = f"ros-{release.name}"
     names = [f"{ros}-ros-base", f"{ros}-demo-nodes-cpp", f"{ros}-demo-nodes-py", _COLCON]
-    if dds.middleware is RosMiddleware.CYCLONE_DDS:
+    if dds.middleware is model.RosMiddleware.CYCLONE_DDS:
         names.append(f"{ros}-rmw-cyclonedds-cpp")
     versions = {pin.package: pin.version for pin in ros2.pins}
     for name in dict.fromkeys((*names, *more, *ros2.packages)):
-        yield Package(name, versions.get(name))
+        yield parts.Package(name, versions.get(name))
 
 
-def _configuration(release: RosRelease, dds: Dds, packages: tuple[Package, ...]) -> Configuration:
+def _configuration(release: RosRelease, dds: model.Dds, packages: tuple[parts.Package, ...]) -> parts.Configuration:
     """The environment of people who log in, and the test: repeated when a package of ROS is another one."""
     home = f"/opt/ros/{release.name}"
     variables = {
@@ -354,12 +342,12 @@ def _configuration(release: RosRelease, dds: Dds, packages: tuple[Package, ...])
         *(f"{name}={value}" for name, value in variables.items()),
     )
     lists = (f"/var/lib/dpkg/info/{package.name}.md5sums" for package in packages)
-    return Configuration(
+    return parts.Configuration(
         files=(
-            File(_LOGIN, _render("ros2-profile.sh.j2", release=release.name, home=home)),
-            File(_TEST, _render("ros2_hears.py")),
+            parts.File(_LOGIN, _render("ros2-profile.sh.j2", release=release.name, home=home)),
+            parts.File(_TEST, _render("ros2_hears.py")),
         ),
-        steps=(ConvergeStep("talker and listener of ROS 2", test, (_TEST, *lists)),),
+        steps=(parts.ConvergeStep("talker and listener of ROS 2", test, (_TEST, *lists)),),
     )
 
 

@@ -12,16 +12,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers import containers
+from atlantis_netcfg.computers import containers, parts
 from atlantis_netcfg.computers.containers import PodmanContainer
-from atlantis_netcfg.computers.parts import Brought, Check, Configuration, ConvergeStep, Directory, File, Unit, run_on
-from atlantis_netcfg.inventory.model import ROS1_BRIDGE, ServiceContainer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from atlantis_netcfg.inventory.model import HostedService, Ros1Bridge, ServerComputer, ServiceProgram
 
 LIST = "/etc/atlantis/services"
 """The units that are declared, one a line: whatever else of that name stands on the computer is taken away."""
@@ -125,27 +123,27 @@ class StartedService:
         """Of its unit."""
         return f"{_UNITS}/{self.name}"
 
-    def unit(self) -> File:
+    def unit(self) -> parts.File:
         """Its unit."""
         template = environment().get_template("gateway/service.service.j2")
-        return File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
+        return parts.File(self.path, template.render(service=self, interface=VPN_INTERFACE, environment=ENVIRONMENT))
 
 
-def with_the_vpn(words: str, service: str) -> ConvergeStep:
+def with_the_vpn(words: str, service: str) -> parts.ConvergeStep:
     """Start what has a unit, and end what has none; `service` is the name of the unit."""
-    return ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
+    return parts.ConvergeStep(words, ("sh", "-c", _UP_OR_DOWN, "sh", service), (f"{_UNITS}/{service}",))
 
 
-def runs_with_the_vpn(finding: str, service: str) -> Check:
+def runs_with_the_vpn(finding: str, service: str) -> parts.Check:
     """It runs as long as the VPN's interface is there."""
-    return Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
+    return parts.Check(("sh", "-c", _RUNS_WITH_THE_VPN, "sh", service), finding, _tells_why(service))
 
 
 def _tells_why(unit: str) -> str:
     return f"on the computer: `systemctl status {unit}` and `journalctl -eu {unit}` tell why"
 
 
-def services(computer: ServerComputer, images: Mapping[str, str] | None = None) -> Configuration:
+def services(computer: model.ServerComputer, images: Mapping[str, str] | None = None) -> parts.Configuration:
     """Pure. Without a service that is started here: what is taken away.
 
     `images`: a rehearsal's archives, name of a service -> SHA-256.
@@ -156,7 +154,7 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
         if (started_service := _build_service(service)) is not None
     }
     if computer.ros1_bridge is not None and computer.ros1_bridge.archive is not None:
-        service_by_name[ROS1_BRIDGE] = _bridge(computer.ros1_bridge, computer.ros1_bridge.archive)
+        service_by_name[model.ROS1_BRIDGE] = _bridge(computer.ros1_bridge, computer.ros1_bridge.archive)
     for name, sha256 in (images or {}).items():
         if (container := service_by_name[name].container) is not None:
             service_by_name[name] = replace(service_by_name[name], container=replace(container, sha256=sha256))
@@ -164,24 +162,26 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
     files = tuple(_files(service_by_name.values())) if service_by_name else ()
     file_paths = {file.path for file in files}
     programs = [(each, each.program) for each in computer.services if each.program is not None]
-    return Configuration(
-        directories=(Directory(containers.IMAGES, mode="0700"),) if boxes else (),
+    return parts.Configuration(
+        directories=(parts.Directory(containers.IMAGES, mode="0700"),) if boxes else (),
         files=files,
         absent=tuple(path for path in (LIST, _ACCOUNTS, _FOLDERS) if path not in file_paths),
         only=(containers.FOLDER,),
         steps=(
-            ConvergeStep("make the accounts of services", run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)),
-            ConvergeStep(
+            parts.ConvergeStep(
+                "make the accounts of services", parts.run_on(_ACCOUNTS, "systemd-sysusers"), (_ACCOUNTS,)
+            ),
+            parts.ConvergeStep(
                 "make the folders of services",
-                run_on(_FOLDERS, "systemd-tmpfiles", "--create"),
+                parts.run_on(_FOLDERS, "systemd-tmpfiles", "--create"),
                 (_FOLDERS,),
             ),
             *(box.step() for box in boxes),
-            ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
+            parts.ConvergeStep("take away services that are not declared", ("sh", "-c", _TAKE_AWAY), (LIST,)),
             *(with_the_vpn(START_BRIDGE, each.name) for each in service_by_name.values() if each.dds),
         ),
         units=(*(containers.UNITS if boxes else ()), *map(_build_unit, service_by_name.values())),
-        brought=tuple(Brought(program.path, _not_brought(service, program)) for service, program in programs),
+        brought=tuple(parts.Brought(program.path, _not_brought(service, program)) for service, program in programs),
         checks=(
             *(box.check() for box in boxes),
             *(check for service in computer.services if service.workload is not None for check in _checks(service)),
@@ -190,7 +190,7 @@ def services(computer: ServerComputer, images: Mapping[str, str] | None = None) 
     )
 
 
-def packages(computer: ServerComputer) -> tuple[str, ...]:
+def packages(computer: model.ServerComputer) -> tuple[str, ...]:
     """What runs containers, where one is declared."""
     has_container = any(service.container is not None for service in computer.services)
     bridge = computer.ros1_bridge
@@ -202,7 +202,7 @@ def secret_word(service: str, variable: str) -> str:
     return f"@secret {variable} of {service}@"
 
 
-def secret_words(computer: ServerComputer) -> tuple[str, ...]:
+def secret_words(computer: model.ServerComputer) -> tuple[str, ...]:
     """All of a computer, in the order in which the secrets are declared."""
     return tuple(
         secret_word(service.name, variable.name)
@@ -217,13 +217,13 @@ def _stem(name: str) -> str:
     return f"atlantis-service-{name}"
 
 
-def _build_service(service: HostedService) -> StartedService | None:
+def _build_service(service: model.HostedService) -> StartedService | None:
     runtime = service.workload
     if runtime is None:
         return None
     user, folder = runtime.user or f"svc-{service.name}", runtime.data or f"/var/lib/svc-{service.name}"
     box: PodmanContainer | None = None
-    if isinstance(runtime, ServiceContainer):
+    if isinstance(runtime, model.ServiceContainer):
         box = _container(service, runtime, user, folder)
         command = f"{box.script} run"
     else:
@@ -242,7 +242,7 @@ def _build_service(service: HostedService) -> StartedService | None:
     )
 
 
-def _container(service: HostedService, config: ServiceContainer, user: str, folder: str) -> PodmanContainer:
+def _container(service: model.HostedService, config: model.ServiceContainer, user: str, folder: str) -> PodmanContainer:
     variables = tuple(
         (each.name, secret_word(service.name, each.name) if each.value is None else each.value)
         for each in config.environment
@@ -260,7 +260,7 @@ def _container(service: HostedService, config: ServiceContainer, user: str, fold
     )
 
 
-def _is_privileged(service: HostedService) -> bool:
+def _is_privileged(service: model.HostedService) -> bool:
     return service.port is not None and service.port < _PRIVILEGED_PORT
 
 
@@ -275,19 +275,19 @@ _ALL_TOPICS = "ros2 run ros1_bridge dynamic_bridge --bridge-all-topics"
 _DECLARED_TOPICS = "sh -c 'rosparam load {topics} && exec ros2 run ros1_bridge parameter_bridge'"
 
 
-def bridged_topics(config: Ros1Bridge) -> str:
+def bridged_topics(config: model.Ros1Bridge) -> str:
     """The parameter `topics` of the master, from where the bridge takes them; empty: all."""
     rows = "".join(f"  - {{topic: {each.topic}, type: {each.type}, queue_size: {_QUEUE}}}\n" for each in config.topics)
     return f"topics:\n{rows}" if rows else ""
 
 
-def _bridge(config: Ros1Bridge, archive: str) -> StartedService:
+def _bridge(config: model.Ros1Bridge, archive: str) -> StartedService:
     """Between the master of ROS 1 and DDS over the VPN, with the profile that every participant here has."""
-    user, stem = f"svc-{ROS1_BRIDGE}", _stem(ROS1_BRIDGE)
+    user, stem = f"svc-{model.ROS1_BRIDGE}", _stem(model.ROS1_BRIDGE)
     topics = f"{containers.FOLDER}/{stem}.yaml"
     box = PodmanContainer(
         name=stem,
-        service=ROS1_BRIDGE,
+        service=model.ROS1_BRIDGE,
         archive=archive,
         sha256=(config.sha256 or "").lower(),
         user=user,
@@ -311,37 +311,37 @@ def _bridge(config: Ros1Bridge, archive: str) -> StartedService:
     )
 
 
-def _files(all_services: Iterable[StartedService]) -> Iterator[File]:
+def _files(all_services: Iterable[StartedService]) -> Iterator[parts.File]:
     each_one = tuple(all_services)
     accounts = {each.user: f'u {each.user} - "ATLANTIS service" {each.folder}\n' for each in each_one}
-    yield File(_ACCOUNTS, "".join(accounts.values()))
-    yield File(_FOLDERS, "".join(f"d {each.folder} 0750 {each.user} {each.user} -\n" for each in each_one))
-    yield File(LIST, "".join(f"{each.name}\n" for each in each_one))
+    yield parts.File(_ACCOUNTS, "".join(accounts.values()))
+    yield parts.File(_FOLDERS, "".join(f"d {each.folder} 0750 {each.user} {each.user} -\n" for each in each_one))
+    yield parts.File(LIST, "".join(f"{each.name}\n" for each in each_one))
     for each in each_one:
         yield each.unit()
         if each.container is not None:
             yield from each.container.files()
 
 
-def _build_unit(service: StartedService) -> Unit:
+def _build_unit(service: StartedService) -> parts.Unit:
     """One that lives with the VPN's interface is started by that."""
     box = service.container
     after = (service.path, *(file.path for file in (box.files() if box is not None else ())))
-    return Unit(service.name, enabled=True, active=None if service.dds else True, after=after, wait=False)
+    return parts.Unit(service.name, enabled=True, active=None if service.dds else True, after=after, wait=False)
 
 
-def _not_brought(service: HostedService, program: ServiceProgram) -> str:
+def _not_brought(service: model.HostedService, program: model.ServiceProgram) -> str:
     return f"{program.path} of the service `{service.name}` is not there: once its partner has brought it, it starts"
 
 
-def _checks(service: HostedService) -> Iterator[Check]:
+def _checks(service: model.HostedService) -> Iterator[parts.Check]:
     unit = f"{_stem(service.name)}.service"
     if service.port is None:
         finding = f"the service `{service.name}` does not stay up"
-        yield Check(("sh", "-c", _RUNS, "sh", unit), finding, _tells_why(unit))
+        yield parts.Check(("sh", "-c", _RUNS, "sh", unit), finding, _tells_why(unit))
     else:
         kind = "t" if service.transport.value == "tcp" else "u"
-        yield Check(
+        yield parts.Check(
             ("sh", "-c", HOLDS_PORT, "sh", unit, kind, str(service.port)),
             f"the service `{service.name}` does not listen at {service.transport} port {service.port}",
             _tells_why(unit),

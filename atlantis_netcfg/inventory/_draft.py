@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.inventory.findings import Finding, Mark
 from atlantis_netcfg.inventory.model import Device, Model, Partner, Pilot, Router, Site, Vehicle
@@ -11,8 +12,6 @@ from atlantis_netcfg.inventory.model import Device, Model, Partner, Pilot, Route
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory._hosts import HostLayout
     from atlantis_netcfg.inventory._yaml import Node
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, TypeVar
 
 
 @dataclass(frozen=True, slots=True)

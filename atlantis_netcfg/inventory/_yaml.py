@@ -18,7 +18,7 @@ import yaml
 
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory.findings import Finding, Mark, shown_key
+from atlantis_netcfg.inventory import findings
 
 if TYPE_CHECKING:
     from yaml.nodes import MappingNode, SequenceNode
@@ -31,13 +31,13 @@ Scalar = str | int | float | bool | date | Secret | None
 class Node:
     """A value of the inventory and where it stands."""
 
-    mark: Mark
+    mark: findings.Mark
     value: dict[str, Node] | list[Node] | Scalar
     text: str = ""
     """A scalar as it was typed."""
     plain: bool = False
     """A scalar without quotes: YAML may read it as something else than text."""
-    key: Mark | None = None
+    key: findings.Mark | None = None
     """Where the value's own key stands, if it has one."""
     is_reported: bool = False
     """Its error is told already: what it should have been cannot be known."""
@@ -50,7 +50,7 @@ class Node:
         return self.value if isinstance(self.value, dict) else {}
 
     @property
-    def place(self) -> Mark:
+    def place(self) -> findings.Mark:
         """Where a person looks for it: at its key, else at the value."""
         return self.key or self.mark
 
@@ -170,21 +170,23 @@ _WORDS: tuple[tuple[str, str, str], ...] = (
 _UNCLOSED_ERRORS = ("did not find expected ',' or", "unexpected end of stream")
 
 
-def explain(error: yaml.YAMLError, file_name: str, text: str) -> Finding:
+def explain(error: yaml.YAMLError, file_name: str, text: str) -> findings.Finding:
     """A syntax error with its place."""
     if isinstance(error, yaml.reader.ReaderError):
         before = text[: error.position]
-        mark = Mark(file_name, before.count("\n") + 1, error.position - before.rfind("\n"))
-        return Finding.at(mark, "a control character stands here", "delete it")
+        mark = findings.Mark(file_name, before.count("\n") + 1, error.position - before.rfind("\n"))
+        return findings.Finding.at(mark, "a control character stands here", "delete it")
     words = str(error)
     place = _place(error, words)
-    mark = Mark(file_name, *_inside(text, place)) if place is not None else Mark(file_name, 1, 1)
+    mark = findings.Mark(file_name, *_inside(text, place)) if place is not None else findings.Mark(file_name, 1, 1)
     if place is not None and _character(text, place) == "\t":
-        return Finding.at(mark, "a tab stands here", "indent with spaces")
+        return findings.Finding.at(mark, "a tab stands here", "indent with spaces")
     for part, message, hint in _WORDS:
         if part in words:
-            return Finding.at(mark, message, hint)
-    return Finding.at(mark, "this is no YAML from here on", "compare the line and the one above with a file that works")
+            return findings.Finding.at(mark, message, hint)
+    return findings.Finding.at(
+        mark, "this is no YAML from here on", "compare the line and the one above with a file that works"
+    )
 
 
 def _character(text: str, mark: yaml.Mark) -> str:
@@ -256,21 +258,23 @@ def _inside_line(number: int, start: yaml.Mark, end: yaml.Mark, is_block: bool) 
     return low, end.column if number == end.line else float("inf")
 
 
-def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+def parse(data: bytes, file_name: str, decrypt: Decrypt | None) -> tuple[Node | None, list[findings.Finding]]:
     """Read one file's bytes; `file_name` is its name in errors. None if it is empty or cannot be parsed."""
-    start = Mark(file_name, 1, 1)
+    start = findings.Mark(file_name, 1, 1)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        where = Mark(file_name, data.count(b"\n", 0, error.start) + 1, 1)
-        return None, [Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
+        where = findings.Mark(file_name, data.count(b"\n", 0, error.start) + 1, 1)
+        return None, [findings.Finding.at(where, "this line is not UTF-8 text", "save the file as UTF-8")]
     if text.startswith("$ANSIBLE_VAULT;"):
         hint = f"ansible-vault decrypt {file_name}, then ansible-vault encrypt_string for each secret"
-        return None, [Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
+        return None, [findings.Finding.at(start, "the whole file is encrypted; only single values may be", hint)]
     try:
         if (deep := _too_deep(text)) is not None:
-            mark = Mark(file_name, deep.line + 1, deep.column + 1)
-            return None, [Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")]
+            mark = findings.Mark(file_name, deep.line + 1, deep.column + 1)
+            return None, [
+                findings.Finding.at(mark, f"the file is nested more than {_DEEPEST} levels deep", "write it flatter")
+            ]
         root = _compose(text)
     except yaml.YAMLError as error:
         return None, [explain(error, file_name, text)]
@@ -311,28 +315,28 @@ class _Converter:
         self.file_name = file_name
         self.text = text
         self.decrypt = decrypt
-        self.findings: list[Finding] = []
+        self.findings: list[findings.Finding] = []
         self.seen: set[int] = set()
         self.marked: frozenset[int] = frozenset()
         self.marked_blocks = 0
         self.constructor: Any = yaml.constructor.SafeConstructor()
 
-    def convert(self, root: yaml.Node) -> tuple[Node | None, list[Finding]]:
+    def convert(self, root: yaml.Node) -> tuple[Node | None, list[findings.Finding]]:
         """The tree and all errors of it."""
         self.marked = _marked_lines(self.text, root)
         try:
             return self._node(root), self.findings
         except RecursionError:
             mark = self._mark(root)
-            return None, [Finding.at(mark, "the file is nested too deeply", "write it flatter")]
+            return None, [findings.Finding.at(mark, "the file is nested too deeply", "write it flatter")]
 
-    def _mark(self, node: Any) -> Mark:  # noqa: ANN401 - a node or an event
-        return Mark(self.file_name, node.start_mark.line + 1, node.start_mark.column + 1)
+    def _mark(self, node: Any) -> findings.Mark:  # noqa: ANN401 - a node or an event
+        return findings.Mark(self.file_name, node.start_mark.line + 1, node.start_mark.column + 1)
 
     def _wrong(self, node: yaml.Node, message: str, hint: str) -> None:
-        self.findings.append(Finding.at(self._mark(node), message, hint))
+        self.findings.append(findings.Finding.at(self._mark(node), message, hint))
 
-    def _node(self, node: yaml.Node, key: Mark | None = None) -> Node:
+    def _node(self, node: yaml.Node, key: findings.Mark | None = None) -> Node:
         if id(node) in self.seen:
             self._alias(node)
             return Node(self._mark(node), None, key=key, is_reported=True)
@@ -355,7 +359,9 @@ class _Converter:
         events = yaml.parse(self.text, Loader=_Loader)
         aliases: list[Any] = [event for event in events if isinstance(event, yaml.AliasEvent)]
         for item in aliases or [node]:
-            finding = Finding.at(self._mark(item), "an alias (`*name`) is not used in an inventory", "write it out")
+            finding = findings.Finding.at(
+                self._mark(item), "an alias (`*name`) is not used in an inventory", "write it out"
+            )
             if finding not in self.findings:
                 self.findings.append(finding)
 
@@ -367,10 +373,16 @@ class _Converter:
                 continue
             name, colon, _ = name.partition(":")
             if colon:
-                self._wrong(key, f"a space is missing after `{shown_key(name)}:`", f"write `{shown_key(name)}: …`")
+                self._wrong(
+                    key,
+                    f"a space is missing after `{findings.shown_key(name)}:`",
+                    f"write `{findings.shown_key(name)}: …`",
+                )
             if name in result:
                 first = result[name].place.line
-                self._wrong(key, f"`{shown_key(name)}` stands here twice (first in line {first})", "keep one of them")
+                self._wrong(
+                    key, f"`{findings.shown_key(name)}` stands here twice (first in line {first})", "keep one of them"
+                )
                 continue
             is_block = key.start_mark.line in self.marked and value.start_mark.line > key.start_mark.line
             self.marked_blocks += is_block
@@ -396,7 +408,7 @@ class _Converter:
             return None
         return str(key.value)
 
-    def _scalar(self, node: yaml.Node, key: Mark | None) -> Node:
+    def _scalar(self, node: yaml.Node, key: findings.Mark | None) -> Node:
         mark, text, errors = self._mark(node), str(node.value), len(self.findings)
         example = self.marked_blocks > 0 or node.start_mark.line in self.marked
         if node.tag in {TAG, OLD_TAG}:

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NoMatchError, nearest
-from atlantis_netcfg.inventory.findings import choices
-from atlantis_netcfg.inventory.model import Gateway, Router, ServerComputer
+from atlantis_netcfg.inventory import findings, model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -15,8 +14,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory._yaml import Decrypt
     from atlantis_netcfg.inventory.examples import Example
-    from atlantis_netcfg.inventory.findings import Finding, Mark
-    from atlantis_netcfg.inventory.model import Device, Partner, Pilot, Site, Vehicle
 
 ALL = "all"
 """Stands for every site."""
@@ -28,7 +25,7 @@ class Host:
 
     name: str
     site: str
-    device: Device
+    device: model.Device
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +33,18 @@ class Declaration:
     """A valid inventory; every mapping is in the files' order."""
 
     root: Path
-    pilot: Pilot
-    partners: Mapping[str, Partner]
-    vehicles: Mapping[str, Vehicle]
-    sites: Mapping[str, Site]
+    pilot: model.Pilot
+    partners: Mapping[str, model.Partner]
+    vehicles: Mapping[str, model.Vehicle]
+    sites: Mapping[str, model.Site]
     hosts: Mapping[str, Host]
     revision: str
     """SHA-256 over the names and bytes of its files."""
     examples: tuple[Example, ...] = ()
     """Values that nobody has replaced yet, by place."""
-    warnings: tuple[Finding, ...] = ()
+    warnings: tuple[findings.Finding, ...] = ()
     """What is allowed, and yet not as it should be, by place."""
-    places: Mapping[tuple[str, str], Mark] = field(default_factory=dict)
+    places: Mapping[tuple[str, str], findings.Mark] = field(default_factory=dict)
     """Site and link to where the link is declared, for what is worked out of the declaration and said of it."""
     decrypt: Decrypt | None = field(default=None, compare=False, repr=False)
     """What its vaulted values were opened with, for files beside it that have some as well."""
@@ -58,12 +55,14 @@ class Declaration:
 
     def router_of(self, site: str) -> Host | None:
         """The router of a site; None: it has none."""
-        return next((host for host in self.site_hosts(site) if isinstance(host.device, Router)), None)
+        return next((host for host in self.site_hosts(site) if isinstance(host.device, model.Router)), None)
 
     def computer_of(self, site: str) -> Host | None:
         """The computer that programs look from: the site's gateway, else its control centre."""
         here = self.site_hosts(site)
-        computers = [host for kind in (Gateway, ServerComputer) for host in here if isinstance(host.device, kind)]
+        computers = [
+            host for kind in (model.Gateway, model.ServerComputer) for host in here if isinstance(host.device, kind)
+        ]
         return computers[0] if computers else None
 
 
@@ -93,5 +92,5 @@ def _no_such_host(declaration: Declaration, site: str, name: str, here: Sequence
 def _suggest(word: str, what: str, names: Iterable[str]) -> str:
     every = list(names)
     near = nearest(word, every)
-    choices_text = f"the {what} are: {choices(every)}"
+    choices_text = f"the {what} are: {findings.choices(every)}"
     return f"did you mean `{near}`? {choices_text}" if near else choices_text

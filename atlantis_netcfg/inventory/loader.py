@@ -18,11 +18,9 @@ from pydantic import BaseModel, ValidationError
 
 from atlantis_netcfg.core.errors import NoMatchError, nearest
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import _schema
+from atlantis_netcfg.inventory import _hosts, _schema, _yaml
 from atlantis_netcfg.inventory._draft import Draft, Part
-from atlantis_netcfg.inventory._hosts import KIND_GROUPS, HostLayout, lay_out
 from atlantis_netcfg.inventory._schema import explain, label_of
-from atlantis_netcfg.inventory._yaml import CANNOT_DECRYPT, Decrypt, Node, parse
 from atlantis_netcfg.inventory.examples import examples_in
 from atlantis_netcfg.inventory.findings import (
     MOST_SHOWN,
@@ -59,20 +57,20 @@ _IF_ANY = ("guests",)
 class Variables:
     """The blocks of the declaration, not yet checked."""
 
-    all: dict[str, Node] = field(default_factory=dict)
+    all: dict[str, _yaml.Node] = field(default_factory=dict)
     """`pilot`, `partners`, `vehicles`, and `guests` where there are some."""
-    sites: dict[str, Node] = field(default_factory=dict)
-    devices: dict[str, Node] = field(default_factory=dict)
+    sites: dict[str, _yaml.Node] = field(default_factory=dict)
+    devices: dict[str, _yaml.Node] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
 
 
-def gather(sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> Variables:
+def gather(sources: InventorySources, layout: _hosts.HostLayout, decrypt: _yaml.Decrypt | None) -> Variables:
     """Read every file of group_vars and host_vars."""
     return _Gatherer(sources, layout, decrypt).gather()
 
 
 class _Gatherer:
-    def __init__(self, sources: InventorySources, layout: HostLayout, decrypt: Decrypt | None) -> None:
+    def __init__(self, sources: InventorySources, layout: _hosts.HostLayout, decrypt: _yaml.Decrypt | None) -> None:
         self.sources = sources
         self.layout = layout
         self.decrypt = decrypt
@@ -107,7 +105,7 @@ class _Gatherer:
         if name in self.layout.sites:
             variables, complete = self._variables(paths, ("site",))
             self._keep(name, paths, variables.get("site"), self.result.sites, "site", complete=complete)
-        elif name in KIND_GROUPS or name == "sites":
+        elif name in _hosts.KIND_GROUPS or name == "sites":
             self._variables(paths, ())
         else:
             names = ["all", *self.layout.sites]
@@ -121,7 +119,14 @@ class _Gatherer:
             self._orphan(paths, f"no host is called `{name}`", name, self.layout.hosts, "host_vars")
 
     def _keep(  # noqa: PLR0913 - one step of two callers
-        self, name: str, paths: list[Path], node: Node | None, into: dict[str, Node], variable: str, *, complete: bool
+        self,
+        name: str,
+        paths: list[Path],
+        node: _yaml.Node | None,
+        into: dict[str, _yaml.Node],
+        variable: str,
+        *,
+        complete: bool,
     ) -> None:
         if node is not None:
             into[name] = node
@@ -151,9 +156,9 @@ class _Gatherer:
             hint = f"write `{variable}:` in {self.sources.display_name}/{folder}/{name}.yml"
             self._wrong(mark, f"`{name}` has no file in {folder}/", hint)
 
-    def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, Node], bool]:
+    def _variables(self, paths: list[Path], allowed_names: tuple[str, ...]) -> tuple[dict[str, _yaml.Node], bool]:
         """The allowed variables of the files, and whether every file could be read."""
-        variables: dict[str, Node] = {}
+        variables: dict[str, _yaml.Node] = {}
         complete = True
         for path in paths:
             node, findings = self.sources.read(path, self.decrypt)
@@ -169,7 +174,9 @@ class _Gatherer:
                 self._variable(name, value, allowed_names, variables)
         return variables, complete
 
-    def _variable(self, name: str, value: Node, allowed_names: tuple[str, ...], variables: dict[str, Node]) -> None:
+    def _variable(
+        self, name: str, value: _yaml.Node, allowed_names: tuple[str, ...], variables: dict[str, _yaml.Node]
+    ) -> None:
         if name.startswith("ansible_"):
             return
         near = name if name in allowed_names else nearest(name, allowed_names)
@@ -219,7 +226,7 @@ class InventorySources:
         """A file's name in errors."""
         return f"{self.display_name}/{path.relative_to(self.root).as_posix()}"
 
-    def read(self, path: Path, decrypt: Decrypt | None) -> tuple[Node | None, list[Finding]]:
+    def read(self, path: Path, decrypt: _yaml.Decrypt | None) -> tuple[_yaml.Node | None, list[Finding]]:
         """Read and parse one file."""
         file_name = self.name(path)
         try:
@@ -236,7 +243,7 @@ class InventorySources:
                 Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", "write it in several files")
             ]
         self.contents[file_name] = data
-        return parse(data, file_name, decrypt)
+        return _yaml.parse(data, file_name, decrypt)
 
 
 LARGEST = 1_000_000
@@ -345,8 +352,8 @@ _Path = tuple[str | int, ...]
 
 
 def build(
-    node: Node, model: type[_M], name: str, key_of: Callable[[_Path], str] = _schema.model_key
-) -> tuple[_M | None, Node, list[Finding]]:
+    node: _yaml.Node, model: type[_M], name: str, key_of: Callable[[_Path], str] = _schema.model_key
+) -> tuple[_M | None, _yaml.Node, list[Finding]]:
     """The model of a block called `name`, or every error of it; and the block with its keys as they were meant.
 
     `key_of` gives the key at a path as the file calls it, where that is not the model's own.
@@ -376,11 +383,11 @@ def build(
 
 def _fix_keys(
     unknown: Iterable[_Path],
-    node: Node,
+    node: _yaml.Node,
     model: type[BaseModel],
     words: tuple[str, Callable[[_Path], str]],
     findings: list[Finding],
-) -> Node:
+) -> _yaml.Node:
     """Tell unknown keys; give the node with them renamed to what was meant, or without them."""
     for path in unknown:
         parent, key = path[:-1], str(path[-1])
@@ -397,7 +404,7 @@ def _fix_keys(
 
 
 def _unknown(
-    key: str, block: Mapping[str, Node], field_by_key: Mapping[str, str], where: str
+    key: str, block: Mapping[str, _yaml.Node], field_by_key: Mapping[str, str], where: str
 ) -> tuple[str | None, str, str]:
     """The key that was probably meant, and a hint; `field_by_key` maps keys of the file to fields."""
     free = {word: field for word, field in field_by_key.items() if field not in block}
@@ -410,7 +417,7 @@ def _unknown(
     return near and free[near], message, f"did you mean `{near}`?" if near is not None else instead
 
 
-def _rename_key(node: Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> Node:
+def _rename_key(node: _yaml.Node, path: _Path, old: str, new: str | None, *, is_reported: bool) -> _yaml.Node:
     """The node with a key renamed, or without it. `told`: it may hold a secret, so no more is said."""
     if not path:
         keys = dict(node.keys)
@@ -430,7 +437,7 @@ def _rename_key(node: Node, path: _Path, old: str, new: str | None, *, is_report
 _M = TypeVar("_M", bound=BaseModel)
 
 
-def draft(layout: HostLayout, variables: Variables) -> tuple[Draft, list[Finding]]:
+def draft(layout: _hosts.HostLayout, variables: Variables) -> tuple[Draft, list[Finding]]:
     """Check every part against the model."""
     builder = _Builder(Draft(layout))
     builder.pilot(variables.all.get("pilot"))
@@ -450,12 +457,12 @@ class _Builder:
         self.draft = draft
         self.findings: list[Finding] = []
 
-    def pilot(self, node: Node | None) -> None:
+    def pilot(self, node: _yaml.Node | None) -> None:
         if node is not None:
             self.draft.pilot = self._build(Part("pilot"), node, Pilot, "pilot")
 
     def build_parts(
-        self, sort: str, variable: str, node: Node | None, model: type[BaseModel], into: dict[str, _M]
+        self, sort: str, variable: str, node: _yaml.Node | None, model: type[BaseModel], into: dict[str, _M]
     ) -> None:
         """A block of parts by name."""
         if node is None:
@@ -476,7 +483,7 @@ class _Builder:
             if part is not None:
                 into[name] = part
 
-    def site(self, name: str, node: Node | None) -> None:
+    def site(self, name: str, node: _yaml.Node | None) -> None:
         if node is not None and (site := self._build(Part("site", name), node, Site, "site")) is not None:
             self.draft.sites[name] = site
 
@@ -490,7 +497,7 @@ class _Builder:
                 settings = site.checklist.model_copy(update={"vehicles": (*site_vehicles, *more)})
                 self.draft.sites[name] = site.model_copy(update={"checklist": settings})
 
-    def device(self, host: str, node: Node | None) -> None:
+    def device(self, host: str, node: _yaml.Node | None) -> None:
         """A device has the model of its kind."""
         if node is None:
             return
@@ -506,7 +513,7 @@ class _Builder:
             if device is not None:
                 self.draft.devices[host] = device
 
-    def _kind(self, host: str, node: Node) -> tuple[Node, str | None]:
+    def _kind(self, host: str, node: _yaml.Node) -> tuple[_yaml.Node, str | None]:
         """The device's kind; if it is missing or misspelt, that is told and its group decides."""
         group_kind = self.draft.layout.kinds.get(host)
         keys = dict(node.keys)
@@ -517,7 +524,7 @@ class _Builder:
         if "kind" not in keys:
             hint = f"add `kind: {group_kind}`" if group_kind else f"add `kind:` with one of {choices(_schema.DEVICES)}"
             self.findings.append(Finding.at(node.place, "`device` has no `kind`", hint))
-            keys["kind"] = Node(node.mark, group_kind)
+            keys["kind"] = _yaml.Node(node.mark, group_kind)
         kind = keys["kind"].value
         if isinstance(kind, str) and kind in _schema.DEVICES:
             return replace(node, value=keys), kind
@@ -530,13 +537,13 @@ class _Builder:
         keys["kind"] = replace(keys["kind"], value=group_kind)
         return replace(node, value=keys), group_kind
 
-    def _build(self, part: Part, node: Node, model: type[_M], name: str) -> _M | None:
+    def _build(self, part: Part, node: _yaml.Node, model: type[_M], name: str) -> _M | None:
         instance, self.draft.nodes[part], findings = build(node, model, name)
         self.findings += findings
         return instance
 
 
-def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
+def load(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> Declaration:
     """Read and check the whole pilot.
 
     Raises InventoryInvalid with every error, NothingMatched where there is no inventory, no site or no host. Without
@@ -571,12 +578,12 @@ def load(inventory: Path, *, decrypt: Decrypt | None = None) -> Declaration:
     )
 
 
-def validate(inventory: Path, *, decrypt: Decrypt | None = None) -> list[Finding]:
+def validate(inventory: Path, *, decrypt: _yaml.Decrypt | None = None) -> list[Finding]:
     """Every error of the inventory, sorted by place; raises NothingMatched as `load` does."""
     return _examine(inventory, decrypt)[2]
 
 
-def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
+def _examine(inventory: Path, decrypt: _yaml.Decrypt | None) -> tuple[InventorySources, Draft | None, list[Finding]]:
     sources = scan(_existing(inventory), shown_path(inventory))
     root, findings = sources.read(inventory / HOSTS, decrypt)
     if root is None and findings:
@@ -592,11 +599,11 @@ def _examine(inventory: Path, decrypt: Decrypt | None) -> tuple[InventorySources
 
 def _one_closed(findings: list[Finding]) -> list[Finding]:
     """One wrong password closes every vaulted value: tell the first of them, and how many more there are."""
-    secret_findings = [finding for finding in findings if finding.message == CANNOT_DECRYPT]
+    secret_findings = [finding for finding in findings if finding.message == _yaml.CANNOT_DECRYPT]
     if len(secret_findings) < 2:  # noqa: PLR2004 - one is told as it is
         return findings
     first = replace(
-        secret_findings[0], message=f"{CANNOT_DECRYPT}, nor {len(secret_findings) - 1} more of the inventory"
+        secret_findings[0], message=f"{_yaml.CANNOT_DECRYPT}, nor {len(secret_findings) - 1} more of the inventory"
     )
     return [
         first if finding is secret_findings[0] else finding
@@ -605,9 +612,9 @@ def _one_closed(findings: list[Finding]) -> list[Finding]:
     ]
 
 
-def _require_layout(root: Node | None, findings: list[Finding], display_name: str) -> HostLayout:
+def _require_layout(root: _yaml.Node | None, findings: list[Finding], display_name: str) -> _hosts.HostLayout:
     """The layout of hosts.yml; zero sites or zero hosts without an error that says why is never a green nothing."""
-    layout = lay_out(root) if root is not None else None
+    layout = _hosts.lay_out(root) if root is not None else None
     if layout is None or not (layout.sites or layout.findings or findings):
         raise NoMatchError(
             f"{display_name}/{HOSTS} declares no site",

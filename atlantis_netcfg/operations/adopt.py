@@ -7,11 +7,11 @@ import socket
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError, complete
+from atlantis_netcfg import __version__, runs
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.request import refuse_examples
-from atlantis_netcfg.routeros.api import Endpoint, Session, Unreachable
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.console.ssh import host_key_of, open_ssh
 from atlantis_netcfg.routeros.console.terminal import open_serial
 from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable
@@ -24,22 +24,6 @@ from atlantis_netcfg.routeros.first_contact.steps import (
     ConsoleRoute,
 )
 from atlantis_netcfg.routeros.rsc import parse
-from atlantis_netcfg.runs import (
-    NOT_RECORDED,
-    ContactStep,
-    Journal,
-    JournalError,
-    LockHolder,
-    NoJournal,
-    Outcome,
-    Purpose,
-    Recorder,
-    RunEnd,
-    RunStart,
-    Store,
-    conclude,
-    mark_unrecorded,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -92,13 +76,13 @@ class SshRoute:
         """Log in by api-ssl as our user under this certificate."""
         try:
             asyncio.run(self._log_in(pin))
-        except Unreachable as nobody:
+        except api.Unreachable as nobody:
             raise ConsoleUnreachable(str(nobody), hint=nobody.hint) from nobody
 
     async def _log_in(self, pin: str) -> None:
         host, port = self.locate(self.target.api_port)
-        endpoint = Endpoint(host, port, self.target.user, self.target.password, pin, connect_timeout_s=_KNOCK_S)
-        session = await Session.open(endpoint)
+        endpoint = api.Endpoint(host, port, self.target.user, self.target.password, pin, connect_timeout_s=_KNOCK_S)
+        session = await api.Session.open(endpoint)
         await session.close()
 
     def _knock(self) -> tuple[str, int]:
@@ -162,7 +146,7 @@ class AdoptionResult:
 
     device: str
     status: str
-    exit: ExitCode
+    exit: errors.ExitCode
     message: str
     standing: str = ""
     steps: tuple[str, ...] = ()
@@ -209,39 +193,39 @@ class Adoption:
 
     def plan(self) -> AdoptionResult:
         """Look at the device and tell what would be done; nothing is changed or recorded. Raises NetcfgError."""
-        outcome = self._contact(NoJournal()).plan()
+        outcome = self._contact(runs.NoJournal()).plan()
         if outcome.status is AdoptionStatus.ALREADY:
             return self._unchanged_result(outcome, "")
         message = f"planned: {len(outcome.steps)} steps; the device is {outcome.standing}"
-        return self._result(outcome, ExitCode.CHANGES, message, "")
+        return self._result(outcome, errors.ExitCode.CHANGES, message, "")
 
     def carry_out(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
         """Adopt the device under the site's lock, with a journal. Raises NetcfgError, which the journal holds too."""
-        store = Store(self.state, is_rehearsal=self.is_rehearsal)
+        store = runs.Store(self.state, is_rehearsal=self.is_rehearsal)
         with store.lock(self.host.site, self.command), store.start(self._start_record()) as journal:
             if self.is_replacement:
                 store.pins.change(self.host.name, None)
                 store.pins.change_host_key(self.host.name, None)
             return self._adopt_with_journal(journal, agree)
 
-    def _adopt_with_journal(self, journal: Journal, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
+    def _adopt_with_journal(self, journal: runs.Journal, agree: Callable[[AdoptionOutcome], None]) -> AdoptionResult:
         change_journal = _ChangeJournal(journal)
         try:
             outcome = self._contact(change_journal).adopt(agree)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             failure = self._end(journal, _status(error, has_changes=change_journal.touched), error.exit, str(error))
             if failure is not None:
-                error.args = (f"{error}; {NOT_RECORDED}: {failure}",)
+                error.args = (f"{error}; {runs.NOT_RECORDED}: {failure}",)
             raise
         if outcome.status is AdoptionStatus.ALREADY:
             result = self._unchanged_result(outcome, journal.run)
         else:
             message = f"adopted: {len(outcome.steps)} steps, read back; {self.target.host} is on {self.target.port}"
-            result = self._result(outcome, ExitCode.DONE, message, journal.run)
-        return mark_unrecorded(result, self._end(journal, result.status, result.exit, result.message))
+            result = self._result(outcome, errors.ExitCode.DONE, message, journal.run)
+        return runs.mark_unrecorded(result, self._end(journal, result.status, result.exit, result.message))
 
-    def _contact(self, journal: Recorder) -> FirstContact:
-        pins = Store(self.state, is_rehearsal=self.is_rehearsal).pins
+    def _contact(self, journal: runs.Recorder) -> FirstContact:
+        pins = runs.Store(self.state, is_rehearsal=self.is_rehearsal).pins
         return FirstContact(
             target=self.target,
             routes=self._ways(None if self.is_replacement else self._access.host_key or pins.host_key(self.host.name)),
@@ -270,9 +254,9 @@ class Adoption:
     def _ssh(self, address: str, key: HostKey) -> SshRoute:
         return SshRoute(address, self.target, key, lambda port: self.locate(address, port))
 
-    def _result(self, outcome: AdoptionOutcome, code: ExitCode, message: str, run: str) -> AdoptionResult:
+    def _result(self, outcome: AdoptionOutcome, code: errors.ExitCode, message: str, run: str) -> AdoptionResult:
         notes = (
-            *(complete(note, site=self.host.site) for note in outcome.notes),
+            *(errors.complete(note, site=self.host.site) for note in outcome.notes),
             *self._missing(outcome),
             *self._stale(),
         )
@@ -280,7 +264,7 @@ class Adoption:
         return AdoptionResult(self.host.name, outcome.status.value, code, message, state, outcome.steps, notes, run)
 
     def _unchanged_result(self, outcome: AdoptionOutcome, run: str) -> AdoptionResult:
-        return self._result(outcome, ExitCode.DONE, "already adopted: nothing was changed", run)
+        return self._result(outcome, errors.ExitCode.DONE, "already adopted: nothing was changed", run)
 
     def _missing(self, outcome: AdoptionOutcome) -> Iterator[str]:
         """What `provision site=...` will ask for, and what no first contact can make."""
@@ -298,7 +282,7 @@ class Adoption:
 
     def _stale(self) -> Iterator[str]:
         """What the inventory still says of another certificate, or of another SSH server."""
-        pins, name = Store(self.state, is_rehearsal=self.is_rehearsal).pins, self.host.name
+        pins, name = runs.Store(self.state, is_rehearsal=self.is_rehearsal).pins, self.host.name
         for key, declared_pin, saved_pin in (
             ("fingerprint", self._access.fingerprint, pins.get(name)),
             ("host_key", self._access.host_key, pins.host_key(name)),
@@ -308,34 +292,34 @@ class Adoption:
                     f"the inventory declares `{key}: {declared_pin}`: until it says {saved_pin}, the device is refused"
                 )
 
-    def _start_record(self) -> RunStart:
-        return RunStart(
+    def _start_record(self) -> runs.RunStart:
+        return runs.RunStart(
             site=self.host.site,
             revision=self.declaration.revision,
             tool=__version__,
             hosts=(self.host.name,),
             rehearsed=self.is_rehearsal,
             command=self.command,
-            purpose=Purpose.ADOPT,
-            by=f"{LockHolder.me(self.command).user} on {socket.gethostname()}",
+            purpose=runs.Purpose.ADOPT,
+            by=f"{runs.LockHolder.me(self.command).user} on {socket.gethostname()}",
         )
 
-    def _end(self, journal: Journal, status: str, code: ExitCode, message: str) -> JournalError | None:
+    def _end(self, journal: runs.Journal, status: str, code: errors.ExitCode, message: str) -> runs.JournalError | None:
         """Record the end; a disk that is full by now is told in the result, which must not be lost over it."""
-        outcome = Outcome(device=self.host.name, status=status, exit=int(code), message=message)
-        return conclude(journal, outcome, RunEnd(exit=int(code)))
+        outcome = runs.Outcome(device=self.host.name, status=status, exit=int(code), message=message)
+        return runs.conclude(journal, outcome, runs.RunEnd(exit=int(code)))
 
 
 class _ChangeJournal:
     """A journal that knows whether anything was typed that changes the device."""
 
-    def __init__(self, journal: Journal) -> None:
+    def __init__(self, journal: runs.Journal) -> None:
         self._journal = journal
         self.touched = False
 
     def write(self, record: Record) -> None:
         """Put a record on disk."""
-        self.touched = self.touched or isinstance(record, ContactStep)
+        self.touched = self.touched or isinstance(record, runs.ContactStep)
         self._journal.write(record)
 
     def save(self, device: str, text: str) -> None:
@@ -347,8 +331,8 @@ class _ChangeJournal:
         self._journal.confirm(device, text)
 
 
-def _status(error: NetcfgError, *, has_changes: bool) -> str:
-    if error.exit is ExitCode.UNKNOWN:
+def _status(error: errors.NetcfgError, *, has_changes: bool) -> str:
+    if error.exit is errors.ExitCode.UNKNOWN:
         return "unknown"
     return _HALF if has_changes else "refused"
 
@@ -356,7 +340,7 @@ def _status(error: NetcfgError, *, has_changes: bool) -> str:
 def target_of(declaration: Declaration, host: Host) -> AdoptionTarget:
     """What a declared device is to become at first contact. Raises NothingMatched for kinds that the engine lacks."""
     if not is_supported(host):
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"{host.name} is a {host.device.kind.replace('_', ' ')}: only RouterOS devices are adopted",
             hint="its own pages say how it is set up",
         )

@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg import __version__
+from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.core.crash_report import report_crash
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.processes.worker import run_until_settled
+from atlantis_netcfg.operations.common import schedule
 from atlantis_netcfg.operations.common.costs import Costs, gate
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.kinds import is_supported
@@ -25,23 +26,7 @@ from atlantis_netcfg.operations.common.request import (
     open_request,
     refuse_examples,
 )
-from atlantis_netcfg.operations.common.schedule import RunUnit, far_bearer, members_of, pair_of
 from atlantis_netcfg.routeros import Status, fleet
-from atlantis_netcfg.runs import (
-    Journal,
-    JournalError,
-    NoJournal,
-    NoSuchRun,
-    Purpose,
-    Recorder,
-    RunEnd,
-    RunResume,
-    RunStart,
-    SavedState,
-    Store,
-    conclude,
-    mark_unrecorded,
-)
 from atlantis_netcfg.runs.report.drift import drift_lines
 
 if TYPE_CHECKING:
@@ -92,10 +77,10 @@ class SiteRun:
         self._ends: list[ExitCode] = []
         self._open = ExitStack()
         self._opened = False
-        self.journal: Recorder = NoJournal()
+        self.journal: runs.Recorder = runs.NoJournal()
         self.run = ""
         """The run's name, as `provision runs` lists it; empty before the site's turn, and for a plan."""
-        self.confirmed: Mapping[str, SavedState] = {}
+        self.confirmed: Mapping[str, runs.SavedState] = {}
 
     def begin(self) -> None:
         """Lock the site and open its journal, unless that is done. Raises SiteBusy, JournalFailed."""
@@ -103,7 +88,7 @@ class SiteRun:
             return
         request = self._request
         if not request.mode.reads_only:
-            store = Store(request.state, is_rehearsal=request.rehearsed)
+            store = runs.Store(request.state, is_rehearsal=request.rehearsed)
             with ExitStack() as opening:
                 opening.enter_context(store.lock(self._site, request.command))
                 journal = opening.enter_context(self._journal(store))
@@ -112,10 +97,10 @@ class SiteRun:
             self._run_name.name = self._run_name.name or journal.run
         elif not request.rehearsed:
             # An emulated device is new with every rehearsal: what an earlier one was says nothing about it.
-            self.confirmed = Store(request.state).last_confirmed(self._site, self._hosts)
+            self.confirmed = runs.Store(request.state).last_confirmed(self._site, self._hosts)
         self._opened = True
 
-    def finish(self, result: HostResult) -> JournalError | None:
+    def finish(self, result: HostResult) -> runs.JournalError | None:
         """Take the result of one of its devices; after the last one, write the last record and free the site.
 
         Returns why that could not be written: the result of this device says so. A run that is not recorded to its end
@@ -125,7 +110,7 @@ class SiteRun:
         self._ends.append(result.exit)
         failure = None
         if not self._left:
-            failure = conclude(self.journal, RunEnd(exit=int(worst(self._ends))))
+            failure = runs.conclude(self.journal, runs.RunEnd(exit=int(worst(self._ends))))
             self.run = "" if failure is not None else self.run
             self.close()
         return failure
@@ -133,16 +118,16 @@ class SiteRun:
     def close(self) -> None:
         """Free the site; may be repeated."""
         self._open.close()
-        self.journal = NoJournal()
+        self.journal = runs.NoJournal()
 
-    def _journal(self, store: Store) -> Journal:
+    def _journal(self, store: runs.Store) -> runs.Journal:
         request, revision = self._request, self._declaration.revision
         if request.mode is Mode.RESUME and request.run is not None:
-            record = RunResume(revision=revision, tool=__version__, command=request.command)
-            with suppress(NoSuchRun):  # it had not come to this site, which has the other end of a bridge
+            record = runs.RunResume(revision=revision, tool=__version__, command=request.command)
+            with suppress(runs.NoSuchRun):  # it had not come to this site, which has the other end of a bridge
                 return store.resume(self._site, request.run, record)
         return store.start(
-            RunStart(
+            runs.RunStart(
                 site=self._site,
                 revision=revision,
                 tool=__version__,
@@ -151,7 +136,7 @@ class SiteRun:
                 command=request.command,
                 back_to=request.back_to,
                 restore=request.restore,
-                purpose=Purpose.BACKUP if request.mode is Mode.BACKUP else Purpose.CONFIGURE,
+                purpose=runs.Purpose.BACKUP if request.mode is Mode.BACKUP else runs.Purpose.CONFIGURE,
                 prepares=request.prepares,
             ),
             self._run_name.name,
@@ -192,10 +177,12 @@ def _perform(
 ) -> dict[str, Mapping[str, Any]]:
     """Give each device's result as data; the engine's own objects, with rows and plans, are let go one by one."""
     refuse_examples(declaration, is_rehearsal=request.rehearsed)
-    members = members_of(declaration, [name for name in names if is_supported(declaration.hosts[name])], request)
+    members = schedule.members_of(
+        declaration, [name for name in names if is_supported(declaration.hosts[name])], request
+    )
     hosts = [host for member in members for host in member.hosts]
     gate(declaration, hosts, request)
-    store, costs = Store(request.state, is_rehearsal=request.rehearsed), Costs(declaration, request)
+    store, costs = runs.Store(request.state, is_rehearsal=request.rehearsed), Costs(declaration, request)
     run_name = RunName()
     site_runs = {
         site: SiteRun(declaration, site, hosts, request, run_name) for site in sorted({item.site for item in hosts})
@@ -207,7 +194,7 @@ def _perform(
     def finish(result: DeviceResult) -> None:
         site = declaration.hosts[result.name].site
         cost_report = costs.report(result, site_runs[site].journal, store)
-        final_result = mark_unrecorded(_log_fault(result, request), site_runs[site].finish(result))
+        final_result = runs.mark_unrecorded(_log_fault(result, request), site_runs[site].finish(result))
         notes = list(dict.fromkeys((*cost_report["notes"], *final_result.notes)))
         results[final_result.name] = {
             **final_result.as_dict(),
@@ -229,7 +216,7 @@ def _perform(
 
 
 def _waiting(
-    costs: Costs, members: Sequence[RunUnit], site_runs: Mapping[str, SiteRun], channel: EventStream
+    costs: Costs, members: Sequence[schedule.RunUnit], site_runs: Mapping[str, SiteRun], channel: EventStream
 ) -> list[fleet.Waiting]:
     """One turn a device, site by site; whatever refuses the only site of a request refuses the request. Raises that.
 
@@ -246,13 +233,15 @@ def _waiting(
         job = device_job(costs.declaration, host, costs.request, site_run.journal, channel.event)
         return costs.beside(replace(job, confirmed_state=site_run.confirmed.get(host.name)))
 
-    def make(member: RunUnit) -> DeviceJob | Pair:
+    def make(member: schedule.RunUnit) -> DeviceJob | Pair:
         if member.bridge is None:
             return job_of(member.hosts[0])
         for site in sorted({host.site for host in member.hosts}):
             start_site(site)
         near, far = (job_of(host) for host in member.bridge.ends)
-        pair = pair_of(member.bridge, near, replace(far, bearer=far_bearer(costs.declaration, member.bridge, near)))
+        pair = schedule.pair_of(
+            member.bridge, near, replace(far, bearer=schedule.far_bearer(costs.declaration, member.bridge, near))
+        )
         return replace(pair, grace_s=_REHEARSED_GRACE_S) if costs.request.rehearsed else pair
 
     alone = len({host.site for member in members if member.bridge is None for host in member.hosts}) == 1

@@ -13,29 +13,16 @@ import zlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.computers.bundle.build import BundleOrder, BundlePurpose, BundleSize, make
-from atlantis_netcfg.computers.bundle.manifest import Keys, Manifest, require_programs, run
+from atlantis_netcfg import inventory
+from atlantis_netcfg.computers.bundle import build, manifest, requirements
 from atlantis_netcfg.computers.bundle.open import Bundle, open_bundle
-from atlantis_netcfg.computers.bundle.requirements import (
-    BundleError,
-    BundleTarget,
-    ContainerArchive,
-    HostRequirements,
-    Library,
-    PackageRequirement,
-    PackageSource,
-    RequirementKey,
-    read_target,
-)
 from atlantis_netcfg.computers.bundle.resolve import archive
-from atlantis_netcfg.computers.image.ext4 import LAYOUTS, Ext4, find, require_tools
+from atlantis_netcfg.computers.image import ext4
 from atlantis_netcfg.computers.image.facts import ImageError
 from atlantis_netcfg.computers.image.source import checksum, expand
-from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core import events, temporary
 from atlantis_netcfg.core.errors import NoMatchError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.inventory import Declaration, Host, choose
-from atlantis_netcfg.inventory.model import ImageLayout, Repository, ServerComputer, SiteComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.computers._access import key_trouble
 from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, Part, concerns
@@ -51,58 +38,68 @@ _STATUS = "/var/lib/dpkg/status"
 _READ_STATUS = f"gzip -9c {_STATUS}"
 
 
-def from_file(path: Path) -> BundleTarget:
+def from_file(path: Path) -> requirements.BundleTarget:
     """Read a copy of /var/lib/dpkg/status. Raises BundleRefused."""
     try:
         status = path.read_bytes()
     except OSError as error:
-        raise BundleError(
+        raise requirements.BundleError(
             f"{path} cannot be read: {error.strerror or error}", hint=f"`status=` names a copy of the board's {_STATUS}"
         ) from error
-    return read_target(status, str(path))
+    return requirements.read_target(status, str(path))
 
 
-def from_image(host: Host, image: Path, tell: Callable[[int, int], None]) -> BundleTarget:
+def from_image(host: inventory.Host, image: Path, tell: Callable[[int, int], None]) -> requirements.BundleTarget:
     """Read it out of the vendor's image that the host's card is made of. Raises BundleRefused, ImageRefused."""
     if not image.is_file():
         raise ImageError(f"{image} is no file", hint="`image=` names the vendor's image, like x.img.xz")
-    require_tools("e2fsck", "debugfs")
+    ext4.require_tools("e2fsck", "debugfs")
     device = host.device
-    layout = device.image.layout if isinstance(device, SiteComputer) and device.image is not None else ImageLayout.PLAIN
+    layout = (
+        device.image.layout
+        if isinstance(device, model.SiteComputer) and device.image is not None
+        else model.ImageLayout.PLAIN
+    )
     with temporary.folder("bundle", temporary.roomy()) as folder:
         copy = folder / "image"
         expand(image, copy, checksum(image), tell)
-        root = Ext4(copy, find(copy, LAYOUTS[layout]).root)
+        root = ext4.Ext4(copy, ext4.find(copy, ext4.LAYOUTS[layout]).root)
         root.recover()
         status = root.read(_STATUS)
     if status is None:
-        raise BundleError(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
-    return read_target(status, image.name)
+        raise requirements.BundleError(f"{image} holds no {_STATUS}", hint="bundles are made for Debian and Ubuntu")
+    return requirements.read_target(status, image.name)
 
 
-def from_board(declaration: Declaration, host: Host, request: Request) -> BundleTarget:
+def from_board(declaration: inventory.Declaration, host: inventory.Host, request: Request) -> requirements.BundleTarget:
     """Ask the board itself, by SSH. Raises BundleRefused; nothing is asked over a link that is paid by the byte."""
     access = PARTS[ACCESS](declaration, host, request)
     others = "`status=FILE` (a copy of its /var/lib/dpkg/status) or `image=FILE` says what is on it"
     if access.get("metered"):
-        raise BundleError(f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others)
+        raise requirements.BundleError(
+            f"{host.name} is reached over {access['metered']}, which is paid by the byte", hint=others
+        )
     options = ["-o", "BatchMode=yes", "-o", "ConnectTimeout=120", "-p", str(access["port"])]
     words = [*options, *shlex.split(access["ssh_args"]), f"{access['user']}@{access['host']}", _READ_STATUS]
-    process = run(["ssh", *words])
+    process = manifest.run(["ssh", *words])
     if process.returncode != 0:
         text = process.stderr.decode(errors="replace").strip()
         why, hint = key_trouble(host.name, text) or (text.splitlines()[-1] if text else "no word", others)
-        raise BundleError(f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint)
+        raise requirements.BundleError(
+            f"{host.name} was asked what is installed on it, and did not answer: {why}", hint=hint
+        )
     try:
         status = gzip.decompress(process.stdout)
     except (OSError, EOFError, zlib.error) as error:
-        raise BundleError(f"{host.name}: its answer was cut off", hint="type the same again") from error
-    return read_target(status, f"{host.name}:{_STATUS}")
+        raise requirements.BundleError(f"{host.name}: its answer was cut off", hint="type the same again") from error
+    return requirements.read_target(status, f"{host.name}:{_STATUS}")
 
 
-def bundle_hosts(declaration: Declaration, site: str, only: Sequence[str] = ()) -> tuple[Host, ...]:
+def bundle_hosts(declaration: inventory.Declaration, site: str, only: Sequence[str] = ()) -> tuple[inventory.Host, ...]:
     """The hosts that a bundle is made for. Raises NothingMatched where there is none."""
-    hosts = tuple(host for host in choose(declaration, site, only) if isinstance(host.device, SiteComputer))
+    hosts = tuple(
+        host for host in inventory.choose(declaration, site, only) if isinstance(host.device, model.SiteComputer)
+    )
     if not hosts:
         scope = ", ".join(f"`{name}`" for name in only) or f"site `{site}`"
         raise NoMatchError(
@@ -113,13 +110,13 @@ def bundle_hosts(declaration: Declaration, site: str, only: Sequence[str] = ()) 
 
 
 def wish_of(
-    declaration: Declaration,
-    host: Host,
+    declaration: inventory.Declaration,
+    host: inventory.Host,
     request: Request,
     *,
     parts: Mapping[str, Part] = PARTS,
     tokens: bool = False,
-) -> HostRequirements:
+) -> requirements.HostRequirements:
     """What a host's parts need of packages, and the library that is built there.
 
     `tokens`: with those that read the library, for which the declaration must have been loaded with its secrets.
@@ -128,20 +125,27 @@ def wish_of(
         part(declaration, host, request).get("packages") or {} for name, part in parts.items() if concerns(name, host)
     ]
     expected_release: Mapping[str, Any] = next((each["expected"] for each in result if each.get("expected")), {})
-    return HostRequirements(
+    return requirements.HostRequirements(
         host=host.name,
         packages=tuple(
-            dict.fromkeys(PackageRequirement(row["name"], row.get("version")) for row in _all(result, "packages"))
+            dict.fromkeys(
+                requirements.PackageRequirement(row["name"], row.get("version")) for row in _all(result, "packages")
+            )
         ),
         sources=tuple(
-            dict.fromkeys(PackageSource(source["path"], source["content"]) for source in _all(result, "sources"))
+            dict.fromkeys(
+                requirements.PackageSource(source["path"], source["content"]) for source in _all(result, "sources")
+            )
         ),
         keys=tuple(
             dict.fromkeys(
-                RequirementKey(item["path"], base64.b64decode(item["content_base64"])) for item in _all(result, "keys")
+                requirements.RequirementKey(item["path"], base64.b64decode(item["content_base64"]))
+                for item in _all(result, "keys")
             )
         ),
-        pins=tuple(dict.fromkeys(PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))),
+        pins=tuple(
+            dict.fromkeys(requirements.PackageSource(row["path"], row["content"]) for row in _all(result, "pins"))
+        ),
         libraries=_libraries(declaration, tokens=tokens) if _builds(host) else (),
         archives=_archives(declaration, host),
         distribution=expected_release.get("distribution"),
@@ -149,13 +153,13 @@ def wish_of(
     )
 
 
-def _builds(host: Host) -> bool:
-    return isinstance(host.device, ServerComputer) and host.device.has_interop
+def _builds(host: inventory.Host) -> bool:
+    return isinstance(host.device, model.ServerComputer) and host.device.has_interop
 
 
-def _archives(declaration: Declaration, host: Host) -> tuple[ContainerArchive, ...]:
+def _archives(declaration: inventory.Declaration, host: inventory.Host) -> tuple[requirements.ContainerArchive, ...]:
     """Of the containers of a computer, from the folder `images` of the inventory."""
-    if not isinstance(host.device, ServerComputer):
+    if not isinstance(host.device, model.ServerComputer):
         return ()
     boxes = (*(service.container for service in host.device.services), host.device.ros1_bridge)
     archives = [
@@ -163,40 +167,40 @@ def _archives(declaration: Declaration, host: Host) -> tuple[ContainerArchive, .
         for box in boxes
         if box is not None and box.archive is not None and box.sha256 is not None
     ]
-    return tuple(ContainerArchive(*each) for each in dict.fromkeys(archives))
+    return tuple(requirements.ContainerArchive(*each) for each in dict.fromkeys(archives))
 
 
 def _all(result: Iterable[Mapping[str, Any]], name: str) -> Iterable[Mapping[str, Any]]:
     return (row for part in result for row in part.get(name) or ())
 
 
-def has_tokens(declaration: Declaration) -> bool:
+def has_tokens(declaration: inventory.Declaration) -> bool:
     """Whether the library is read by a token, for which the declaration has to be loaded with its secrets."""
     return any(repository.token is not None for repository in _repositories(declaration))
 
 
-def _repositories(declaration: Declaration) -> tuple[Repository, ...]:
+def _repositories(declaration: inventory.Declaration) -> tuple[model.Repository, ...]:
     interop = declaration.pilot.gateways.interop
     repositories = (interop.library, interop.examples) if interop is not None else ()
     return tuple(repository for repository in repositories if repository is not None)
 
 
-def _libraries(declaration: Declaration, *, tokens: bool) -> tuple[Library, ...]:
+def _libraries(declaration: inventory.Declaration, *, tokens: bool) -> tuple[requirements.Library, ...]:
     return tuple(_library(repository, tokens=tokens) for repository in _repositories(declaration))
 
 
-def _library(repository: Repository, *, tokens: bool) -> Library:
+def _library(repository: model.Repository, *, tokens: bool) -> requirements.Library:
     secret = repository.token if tokens else None
-    return Library(repository.url, repository.revision, secret.reveal() if secret is not None else None)
+    return requirements.Library(repository.url, repository.revision, secret.reveal() if secret is not None else None)
 
 
 @dataclass(frozen=True, slots=True)
 class BundleRequest:
     """What a person has asked for; the declaration has its secrets where the library needs a token."""
 
-    declaration: Declaration
+    declaration: inventory.Declaration
     site: str
-    hosts: tuple[Host, ...]
+    hosts: tuple[inventory.Host, ...]
     place: Path
     request: Request
     status: Path | None = None
@@ -206,50 +210,59 @@ class BundleRequest:
     keyring: Path | None = None
 
 
-def make_bundle(bundle_request: BundleRequest, notify: Subscriber, on_size: Callable[[BundleSize], None]) -> Manifest:
+def make_bundle(
+    bundle_request: BundleRequest, notify: events.Subscriber, on_size: Callable[[build.BundleSize], None]
+) -> manifest.Manifest:
     """Make the bundle; `on_size` hears how much is fetched before it is. Raises UsageError, as BundleRefused mostly."""
     refuse_examples(bundle_request.declaration, is_rehearsal=False)
-    require_programs()
+    manifest.require_programs()
     purposes = tuple(_purpose(bundle_request, host, notify) for host in bundle_request.hosts)
-    order = BundleOrder(
+    order = build.BundleOrder(
         bundle_request.site, bundle_request.declaration.revision, purposes, bundle_request.place, bundle_request.image
     )
 
     def tell(words: str, share: float | None) -> None:
         percentage = "" if share is None else f" {100 * share:.0f} %"
         for host in bundle_request.hosts:
-            notify(Event(host.name, Stage.OBSERVED, f"{words}{percentage}"))
+            notify(events.Event(host.name, events.Stage.OBSERVED, f"{words}{percentage}"))
 
-    return make(order, Keys.of(bundle_request.request.state).signer(), tell, on_size)
+    return build.make(order, manifest.Keys.of(bundle_request.request.state).signer(), tell, on_size)
 
 
 def open_for_hosts(
-    declaration: Declaration, hosts: Sequence[Host], place: Path, request: Request, *, accept: str | None = None
+    declaration: inventory.Declaration,
+    hosts: Sequence[inventory.Host],
+    place: Path,
+    request: Request,
+    *,
+    accept: str | None = None,
 ) -> Bundle:
     """Open a bundle for these hosts; it holds all that the declaration wants. Raises BundleRefused with all it lacks.
 
     `accept`: take bundles of another computer's key from now on, which a person has typed.
     """
     wishes = [wish_of(declaration, host, request) for host in hosts]
-    return open_bundle(place, Keys.of(request.state), wishes, accept=accept)
+    return open_bundle(place, manifest.Keys.of(request.state), wishes, accept=accept)
 
 
-def _purpose(bundle_request: BundleRequest, host: Host, notify: Subscriber) -> BundlePurpose:
+def _purpose(bundle_request: BundleRequest, host: inventory.Host, notify: events.Subscriber) -> build.BundlePurpose:
     request = wish_of(bundle_request.declaration, host, bundle_request.request, tokens=True)
     target = _target(bundle_request, host, notify)
-    notify(Event(host.name, Stage.OBSERVED, f"{target.title}, {len(target.installed_packages)} packages"))
+    notify(events.Event(host.name, events.Stage.OBSERVED, f"{target.title}, {len(target.installed_packages)} packages"))
     missing = any(not each.fits(target.installed_packages.get(each.name)) for each in request.packages)
-    return BundlePurpose(
+    return build.BundlePurpose(
         request, target, archive(target, bundle_request.mirror, bundle_request.keyring) if missing else None
     )
 
 
-def _target(bundle_request: BundleRequest, host: Host, notify: Subscriber) -> BundleTarget:
+def _target(
+    bundle_request: BundleRequest, host: inventory.Host, notify: events.Subscriber
+) -> requirements.BundleTarget:
     if bundle_request.status is not None:
         return from_file(bundle_request.status)
     if bundle_request.image is not None:
         name = bundle_request.image.name
-        notify(Event(host.name, Stage.CONNECTING, f"looking into {name}"))
+        notify(events.Event(host.name, events.Stage.CONNECTING, f"looking into {name}"))
         return from_image(host, bundle_request.image, lambda _count, _total: None)
-    notify(Event(host.name, Stage.CONNECTING, "asking what is installed"))
+    notify(events.Event(host.name, events.Stage.CONNECTING, "asking what is installed"))
     return from_board(bundle_request.declaration, host, bundle_request.request)

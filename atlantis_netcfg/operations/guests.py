@@ -10,9 +10,8 @@ import shutil
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError, UsageError, nearest
-from atlantis_netcfg.inventory import Declaration, load
-from atlantis_netcfg.inventory.model import ETHERNET, Column, Guest
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.inventory import Declaration, load, model
 from atlantis_netcfg.inventory.new_inventory.yaml_text import document
 from atlantis_netcfg.inventory.robots.reading import FOLDER
 from atlantis_netcfg.runs import os_errors_as
@@ -33,10 +32,10 @@ _HEAD = (
 )
 
 
-class GuestLeftOver(NetcfgError):
+class GuestLeftOver(errors.NetcfgError):
     """Something of a guest that was ended is still there."""
 
-    exit = ExitCode.CHECKS_FAILED
+    exit = errors.ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +56,8 @@ class GuestEntry:
     @property
     def tree(self) -> dict[str, Tree]:
         """As it is written, in this order."""
-        columns = [str(column) for column in Column if column in self.cells]
-        more: dict[str, Tree] = {"ethernet": True} if ETHERNET in self.cells else {}
+        columns = [str(column) for column in model.Column if column in self.cells]
+        more: dict[str, Tree] = {"ethernet": True} if model.ETHERNET in self.cells else {}
         more |= {"distribution": self.distribution} if self.distribution is not None else {}
         more |= {"openvpn": self.openvpn} if self.openvpn is not None else {}
         return {
@@ -72,9 +71,9 @@ class GuestEntry:
             **more,
         }
 
-    def same(self, guest: Guest) -> bool:
+    def same(self, guest: model.Guest) -> bool:
         """Whether this guest is declared already; what a person has added is left out of it."""
-        expected_guest = Guest.model_validate(self.tree)
+        expected_guest = model.Guest.model_validate(self.tree)
         names = ("name", "kind", "partner", "until", "tested_at", "table3", "ethernet", "distribution", "openvpn")
         return all(getattr(expected_guest, name) == getattr(guest, name) for name in names)
 
@@ -102,19 +101,21 @@ def without_guest(text: str, name: str) -> str | None:
     key = re.compile(rf"  {re.escape(name)}:\s*(#.*)?")
     first = next((number for number, line in enumerate(lines) if key.fullmatch(line.rstrip("\n"))), None)
     if first is None:
-        raise UsageError(f"`{name}` is not written in {FILE} as this command writes it", hint="remove it there by hand")
+        raise errors.UsageError(
+            f"`{name}` is not written in {FILE} as this command writes it", hint="remove it there by hand"
+        )
     last = next((number for number in range(first + 1, len(lines)) if re.match(r" {0,2}\S", lines[number])), len(lines))
     remaining_text = "".join([*lines[:first], *lines[last:]])
     return None if remaining_text == "\n".join([*_HEAD, "---", "guests:"]) + "\n" else remaining_text
 
 
-def declared_guest(declaration: Declaration, name: str) -> Guest | None:
+def declared_guest(declaration: Declaration, name: str) -> model.Guest | None:
     """The guest of that name; None: there is none. Raises UsageError for a vehicle that is no such guest."""
     result = declaration.vehicles.get(name)
-    if result is None or isinstance(result, Guest):
+    if result is None or isinstance(result, model.Guest):
         return result
     hint = "remove it there by hand: these commands write and remove what stands in guests.yml alone"
-    raise UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
+    raise errors.UsageError(f"`{name}` is declared in vehicles.yml, and no guest of this command", hint=hint)
 
 
 def robot_file(root: Path, name: str) -> Path:
@@ -128,12 +129,12 @@ def members_of(authority: Authority, name: str) -> tuple[Member, ...]:
     return tuple(member for member in members if member.vehicle == name and member.partner is not None)
 
 
-def unknown(declaration: Declaration, name: str) -> NoMatchError:
+def unknown(declaration: Declaration, name: str) -> errors.NoMatchError:
     """There is no such guest, and never was."""
-    guests = [key for key, vehicle in declaration.vehicles.items() if isinstance(vehicle, Guest)]
-    near = nearest(name, guests)
+    guests = [key for key, vehicle in declaration.vehicles.items() if isinstance(vehicle, model.Guest)]
+    near = errors.nearest(name, guests)
     hint = f"did you mean `{near}`?" if near else f"there are: {', '.join(guests) or 'none'}"
-    return NoMatchError(f"there is no guest `{name}`", hint=hint)
+    return errors.NoMatchError(f"there is no guest `{name}`", hint=hint)
 
 
 def remove_handouts(authority: Authority, members: Sequence[Member]) -> None:

@@ -17,15 +17,11 @@ from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg import __version__
-from atlantis_netcfg.computers.image.ext4 import LAYOUTS, PROGRAMS, DiskLayout, require_tools
-from atlantis_netcfg.computers.image.facts import ImageError, ImageRequest, StaticNetwork
+from atlantis_netcfg.computers.image import ext4, facts, writer
 from atlantis_netcfg.computers.image.plan import customise
 from atlantis_netcfg.computers.image.source import SourceKind, UnpackedImage, checksum, expand, segments
-from atlantis_netcfg.computers.image.writer import Card, Progress, WriteMeter, WriterStep, WrittenCard, write
-from atlantis_netcfg.core import paths, temporary
-from atlantis_netcfg.core.errors import DeviceError, NetcfgError, UsageError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.inventory.model import AddressBy, Image, SiteComputer
+from atlantis_netcfg.core import errors, events, paths, temporary
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.runs import Store, write_atomically
 
 if TYPE_CHECKING:
@@ -59,11 +55,11 @@ class Receipt:
         self._keep(device=values, outcome="writing")
         try:
             yield
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             self._keep(outcome="failed", message=str(error), ended=datetime.now(UTC).isoformat())
             raise
 
-    def write_result(self, card: WrittenCard) -> None:
+    def write_result(self, card: writer.WrittenCard) -> None:
         """Keep what was read back."""
         counts = {
             "data": card.data,
@@ -84,42 +80,42 @@ def image_told(name: str, image: UnpackedImage) -> dict[str, str]:
     return {"name": name, "sha256": image.sha256, "confirmed_by": image.told_by or "nobody"}
 
 
-def _image_of(host: Host) -> tuple[SiteComputer, Image]:
+def _image_of(host: Host) -> tuple[model.SiteComputer, model.Image]:
     device = host.device
-    if not isinstance(device, SiteComputer):
-        raise UsageError(
+    if not isinstance(device, model.SiteComputer):
+        raise errors.UsageError(
             f"`{host.name}` is a {device.kind.replace('_', ' ')}: "
             "cards are made for gateways, control centres and operator stations",
             hint="name a host of group `gateways`, `control_centres` or `operator_stations`",
         )
     if device.image is None:
-        raise UsageError(
+        raise errors.UsageError(
             f"host_vars/{host.name}.yml does not say what goes into the image of `{host.name}`",
             hint="add `image: {layout: odroid-n2, ssh_keys: [ssh-ed25519 …]}` to its `device`",
         )
     return device, device.image
 
 
-def layout_of(host: Host) -> DiskLayout:
+def layout_of(host: Host) -> ext4.DiskLayout:
     """How the host's image is laid out. Raises UsageError where no card is made for the host."""
-    return LAYOUTS[_image_of(host)[1].layout]
+    return ext4.LAYOUTS[_image_of(host)[1].layout]
 
 
-def wish_of(declaration: Declaration, host: Host, source: str) -> ImageRequest:
+def wish_of(declaration: Declaration, host: Host, source: str) -> facts.ImageRequest:
     """What the host's image shall become; `source` names the vendor's file. Raises UsageError as `layout_of`."""
     device, image = _image_of(host)
     lan, pilot = declaration.sites[host.site].lan, declaration.pilot
     static = None
-    if image.address_by is AddressBy.STATIC:
+    if image.address_by is model.AddressBy.STATIC:
         address = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
-        static = StaticNetwork(address, lan.gateway, lan.domain)
-    return ImageRequest(
+        static = facts.StaticNetwork(address, lan.gateway, lan.domain)
+    return facts.ImageRequest(
         host=host.name,
         site=host.site,
         user=image.user,
         keys=image.ssh_keys,
         static=static,
-        interface=image.interface or LAYOUTS[image.layout].interface,
+        interface=image.interface or ext4.LAYOUTS[image.layout].interface,
         time_zone=pilot.time_zone,
         time_servers=tuple(server.address for server in pilot.time_servers),
         source=source,
@@ -127,14 +123,14 @@ def wish_of(declaration: Declaration, host: Host, source: str) -> ImageRequest:
 
 
 _STAGES = {
-    WriterStep.UNPACKING: Stage.OBSERVED,
-    WriterStep.CLEARING: Stage.APPLYING,
-    WriterStep.WRITING: Stage.APPLYING,
-    WriterStep.COMPARING: Stage.VERIFYING,
+    writer.WriterStep.UNPACKING: events.Stage.OBSERVED,
+    writer.WriterStep.CLEARING: events.Stage.APPLYING,
+    writer.WriterStep.WRITING: events.Stage.APPLYING,
+    writer.WriterStep.COMPARING: events.Stage.VERIFYING,
 }
 
 
-class ImageInterruptError(DeviceError):
+class ImageInterruptError(errors.DeviceError):
     """Somebody stopped the work before a card was touched."""
 
 
@@ -153,9 +149,9 @@ class ImageOrder:
         """Refuse what can be known before the long work. Raises UsageError."""
         layout_of(self.host)
         if not self.image.is_file():
-            raise ImageError(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
+            raise facts.ImageError(f"{self.image} is no file", hint="`from=` names the vendor's image, like x.img.xz")
         checksum(self.image, self.sha256)
-        require_tools(*PROGRAMS)
+        ext4.require_tools(*ext4.PROGRAMS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,9 +162,9 @@ class MadeImage:
     image: UnpackedImage
     notes: tuple[str, ...]
     """What a person should know."""
-    notify: Subscriber
+    notify: events.Subscriber
 
-    def onto(self, card: Card) -> tuple[WrittenCard, Path]:
+    def onto(self, card: writer.Card) -> tuple[writer.WrittenCard, Path]:
         """Write it; return what was read back, and where that is on record. Raises DeviceRefused, CardUnfinished."""
         order = self.order
         size = -(-self.image.size // card.disk.sector) * card.disk.sector
@@ -177,7 +173,7 @@ class MadeImage:
         receipt = Receipt.of(order.state, order.declaration, order.host, values)
         parts = segments(self.image.path, size, self.image.spans)
         with receipt.writing(card.disk):
-            result = write(self.image.path, parts, card, self._tell)
+            result = writer.write(self.image.path, parts, card, self._tell)
         receipt.write_result(result)
         return result, receipt.path
 
@@ -194,21 +190,23 @@ class MadeImage:
                     os.fsync(out.fileno())
                 file.hardlink_to(whole)
         except FileExistsError:
-            raise UsageError(f"{file} is there already", hint="name a new file, or remove that one") from None
+            raise errors.UsageError(f"{file} is there already", hint="name a new file, or remove that one") from None
         except OSError as error:
-            raise UsageError(f"{file} cannot be written: {error.strerror}") from error
+            raise errors.UsageError(f"{file} cannot be written: {error.strerror}") from error
         return self.image.size
 
-    def _tell(self, progress: Progress) -> None:
+    def _tell(self, progress: writer.Progress) -> None:
         self.notify(_event(self.order.host.name, progress))
 
 
 @contextmanager
-def prepare_image(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
+def prepare_image(order: ImageOrder, notify: events.Subscriber) -> Iterator[MadeImage]:
     """Unpack the vendor's image and make it the host's. Raises ImageRefused, Stopped; no card is touched."""
     place = temporary.roomy()
     if not re.fullmatch(r"[A-Za-z0-9._/+-]+", str(place)):
-        raise UsageError(f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name")
+        raise errors.UsageError(
+            f"no work can be done in {place}", hint="TMPDIR: a directory without blanks in its name"
+        )
     name = order.host.name
     with temporary.folder("image", place) as folder:
         try:
@@ -218,26 +216,26 @@ def prepare_image(order: ImageOrder, notify: Subscriber) -> Iterator[MadeImage]:
         yield ready
 
 
-def _make(order: ImageOrder, folder: Path, notify: Subscriber) -> MadeImage:
+def _make(order: ImageOrder, folder: Path, notify: events.Subscriber) -> MadeImage:
     name = order.host.name
-    meter = WriteMeter(WriterStep.UNPACKING, lambda progress: notify(_event(name, progress)))
+    meter = writer.WriteMeter(writer.WriterStep.UNPACKING, lambda progress: notify(_event(name, progress)))
     image = expand(order.image, folder / "image", checksum(order.image, order.sha256), meter)
     source = f"{order.image.name}, SHA-256 {image.sha256}"
     notes = customise(image.path, layout_of(order.host), wish_of(order.declaration, order.host, source))
-    notify(Event(name, Stage.PLANNED, "customised, and every change read back"))
+    notify(events.Event(name, events.Stage.PLANNED, "customised, and every change read back"))
     if not image.told_by:
         notes = (f"nobody has confirmed the checksum of {order.image.name}: {image.sha256}", *notes)
     return MadeImage(order, image, notes, notify)
 
 
-def _event(name: str, progress: Progress) -> Event:
+def _event(name: str, progress: writer.Progress) -> events.Event:
     data = {
         "done": progress.done_bytes,
         "total": progress.total,
         "rate_bps": progress.rate_bps,
         "left_s": progress.left_s,
     }
-    return Event(name, _STAGES[progress.step], progress.words, data=data)
+    return events.Event(name, _STAGES[progress.step], progress.words, data=data)
 
 
 def _copy(source: int, target: int, start: int, size: int) -> None:

@@ -6,10 +6,10 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NoMatchError, nearest
 from atlantis_netcfg.routeros import _items, snapshot
 from atlantis_netcfg.routeros.menus import MENUS
-from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, SavedState, Store
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -77,12 +77,14 @@ LATEST = "latest"
 _MAX_RUNS = 5
 
 
-def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = False) -> SavedState:
+def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = False) -> runs.SavedState:
     """Find what a run has read back of a device. Raises NothingMatched naming the runs that have.
 
     A rehearsal takes real states, and where there are none those of earlier rehearsals; a real run only real ones.
     """
-    stores = [Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))]
+    stores = [
+        runs.Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
+    ]
     latest = {store: states for store in stores if (states := store.last_confirmed(host.site, (host.name,)))}
     if not latest:
         raise NoMatchError(
@@ -101,20 +103,20 @@ def confirmed_state(state: Path, host: Host, run: str, *, is_rehearsal: bool = F
             hint=f"did you mean `to={near}`? {choices}" if near else choices,
         )
     if run == LATEST and (damage := store.damage_since(host.site, saved_state.run)):
-        raise DamagedStateError(
+        raise runs.DamagedStateError(
             f"{damage}; a later state of {host.name} may be lost",
             hint=f"to take the last one that can be read, type `to={saved_state.run}`",
         )
     return saved_state
 
 
-def read_replacement(saved_state: SavedState, desired_state: DesiredState) -> DesiredState:
+def read_replacement(saved_state: runs.SavedState, desired_state: DesiredState) -> DesiredState:
     """Read a confirmed state as what a replacement shall be. Raises StateDamaged, RscError."""
     replacement = snapshot.read(saved_state.text(), f"the state that run {saved_state.run} confirmed")
     return for_replacement(replacement, desired_state)
 
 
-def _state_of(store: Store, host: Host, run: str) -> SavedState | None:
-    with suppress(NoSuchRun):
+def _state_of(store: runs.Store, host: Host, run: str) -> runs.SavedState | None:
+    with suppress(runs.NoSuchRun):
         return store.run(host.site, run).confirmed_state(host.name)
     return None

@@ -17,8 +17,8 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, line_for_robot, sources_of
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NoMatchError, OutcomeUnknown, UsageError, nearest
-from atlantis_netcfg.inventory.model import RetrievalPriority, RetrievalRobot, RetrievalSource
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.cost import Bill, Preview, bill, preview, size
 from atlantis_netcfg.operations.common.session_link import FAST_S, bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of
@@ -29,14 +29,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.cost import MeteredLink
     from atlantis_netcfg.operations.common.request import Request
 
-SHARES: Final[Mapping[RetrievalPriority, float]] = {
-    RetrievalPriority.LOW: 0.2,
-    RetrievalPriority.NORMAL: 0.5,
-    RetrievalPriority.HIGH: 0.8,
+SHARES: Final[Mapping[model.RetrievalPriority, float]] = {
+    model.RetrievalPriority.LOW: 0.2,
+    model.RetrievalPriority.NORMAL: 0.5,
+    model.RetrievalPriority.HIGH: 0.8,
 }
 """Of the upward rate that the link is declared with."""
 WIRE: Final = 1.2
@@ -52,32 +51,32 @@ _SPARE: Final = 1.25
 _ANSWER_S: Final = 300.0
 _NO_PROGRAM: Final = "can't open file"
 _ACTIVE_STATES: Final = ("collecting", "sending", "waiting")
-Source = RetrievalSource | RetrievalRobot
+Source = model.RetrievalSource | model.RetrievalRobot
 
 
-class GatewayAway(DeviceError):
+class GatewayAway(errors.DeviceError):
     """The gateway was not reached, and nothing was changed there."""
 
 
-class BeginningUnknown(OutcomeUnknown):
+class BeginningUnknown(errors.OutcomeUnknown):
     """The gateway was told to begin, and its answer did not come."""
 
 
-class NotBegun(DeviceError):
+class NotBegun(errors.DeviceError):
     """The gateway has said why it does not begin."""
 
 
 def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[Source, Host]:
     """The one source of a site, or the named one, and the gateway that sends. Raises NothingMatched, UsageError."""
     if declaration.pilot.retrieval is None:
-        raise NoMatchError(
+        raise errors.NoMatchError(
             "no recordings are declared to be retrieved",
             hint="write `retrieval:` in group_vars/all/pilot.yml: docs/retrieve.md has an example",
         )
     if site not in declaration.sites:
-        near = nearest(site, declaration.sites)
+        near = errors.nearest(site, declaration.sites)
         site_names = f"the sites are: {', '.join(declaration.sites)}"
-        raise UsageError(
+        raise errors.UsageError(
             f"`site={site}`: recordings are retrieved from one site at a time",
             hint=f"did you mean `site={near}`? {site_names}" if near else site_names,
         )
@@ -85,18 +84,18 @@ def source_at(declaration: Declaration, site: str, name: str | None) -> tuple[So
         source.name: source for host in declaration.site_hosts(site) for source in sources_of(declaration, host.name)
     }
     if not sources:
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"no recordings of {site} are declared to be retrieved",
             hint="add a gateway of it to `retrieval.sources` in group_vars/all/pilot.yml",
         )
     choices = f"choose one of these: {', '.join(f'`from={each}`' for each in sources)}"
     if name is None and len(sources) > 1:
-        raise UsageError(f"{site} has recordings of more than one computer", hint=choices)
+        raise errors.UsageError(f"{site} has recordings of more than one computer", hint=choices)
     source_name = next(iter(sources)) if name is None else name
     source = sources.get(source_name)
     if source is None:
-        near = nearest(source_name, sources)
-        raise UsageError(
+        near = errors.nearest(source_name, sources)
+        raise errors.UsageError(
             f"`from={source_name}`: no recordings of it are declared at {site}",
             hint=f"did you mean `from={near}`? {choices}" if near else choices,
         )
@@ -146,7 +145,7 @@ class RobotLook:
 
 def robot_look(source: Source, look: Mapping[str, Any]) -> RobotLook | None:
     """Pure."""
-    if not isinstance(source, RetrievalRobot):
+    if not isinstance(source, model.RetrievalRobot):
         return None
     robot_values = look["robot"]
     files, octets, lacking = (int(robot_values[name]) for name in ("files", "bytes", "lacking"))
@@ -160,8 +159,8 @@ class RetrievalPlan:
     """What a transfer takes over the link in use, before it begins."""
 
     link: MeteredLink
-    bearer: Bearer
-    priority: RetrievalPriority
+    bearer: model.Bearer
+    priority: model.RetrievalPriority
     look: Mapping[str, Any]
     """What the gateway has seen in its folder."""
     rtt_max_s: float | None
@@ -301,13 +300,13 @@ class RetrievalStatus:
         return bill(int(self.answer["wire_bytes"]), seconds, tariff)
 
     @property
-    def exit(self) -> ExitCode:
+    def exit(self) -> errors.ExitCode:
         """Nothing but a whole transfer is green."""
         if self.whole:
-            return ExitCode.DONE
+            return errors.ExitCode.DONE
         if self.state == "none":
-            return ExitCode.NOTHING
-        return ExitCode.CHECKS_FAILED if self.runs or self.state == "done" else ExitCode.FAILED
+            return errors.ExitCode.NOTHING
+        return errors.ExitCode.CHECKS_FAILED if self.runs or self.state == "done" else errors.ExitCode.FAILED
 
     def progress(self) -> str:
         """One line while it goes on."""
@@ -398,7 +397,7 @@ class RetrievalProgram:
         """What there is to send. Raises GatewayAway, DeviceFailed."""
         answer = self._ask("look", selection.as_dict())
         if not answer["folder"]:
-            raise DeviceError(
+            raise errors.DeviceError(
                 f"{self.host.name} has no such folder: {answer['place']}",
                 hint="`retrieval.sources` in group_vars/all/pilot.yml names the folder of the recordings",
             )
@@ -408,11 +407,11 @@ class RetrievalProgram:
     def _refuse_robot(self, answer: Mapping[str, Any]) -> None:
         """Raises DeviceFailed where nothing can be brought from the robot, in words for its owner."""
         source, robot = self.source, robot_look(self.source, answer)
-        if robot is None or not isinstance(source, RetrievalRobot):
+        if robot is None or not isinstance(source, model.RetrievalRobot):
             return
         if robot.state == "away" and not answer["files"]:
             hint = "bring it to the LAN of the gateway, with its power on, and type the same again"
-            raise DeviceError(f"nothing was collected: {robot.why}", hint=hint)
+            raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hint)
         if robot.state == "refused":
             kind = answer["robot"]["kind"]
             line = line_for_robot(self._declaration, source)
@@ -420,10 +419,12 @@ class RetrievalProgram:
             trust = f"if it is the robot: write its new key as `host_key` of {robot.name} in `retrieval.robots`"
             hints = {"key": admit, "program": admit, "host_key": trust}
             account = f"let {source.user} read all of {source.folder} on {robot.name}, then type the same again"
-            raise DeviceError(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
+            raise errors.DeviceError(f"nothing was collected: {robot.why}", hint=hints.get(kind, account))
         if robot.lacking:
             hint = "take fewer files with `files=`, or declare a higher `budget_mb` of it in `retrieval.robots`"
-            raise DeviceError(f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint)
+            raise errors.DeviceError(
+                f"{size(robot.lacking)} are missing on {robot.gateway} for {robot.name}", hint=hint
+            )
 
     def start(self, job: Mapping[str, Any]) -> None:
         """Let it begin. Raises NotBegun; BeginningUnknown where the answer was lost."""
@@ -454,7 +455,7 @@ class RetrievalProgram:
         """End it, and say how it stands. Raises GatewayAway, DeviceFailed."""
         answer = self._ask("stop", {})
         if "error" in answer:
-            raise DeviceError(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
+            raise errors.DeviceError(f"{self.host.name} does not stop: {answer.get('why')}", hint="type the same again")
         return self._status(answer)
 
     def _status(self, answer: Mapping[str, Any]) -> RetrievalStatus:
@@ -488,16 +489,16 @@ class RetrievalProgram:
             raise self._not_set_up()
         return answer
 
-    def _not_set_up(self) -> DeviceError:
+    def _not_set_up(self) -> errors.DeviceError:
         retrieval, name = self._declaration.pilot.retrieval, self.host.name
         centre = self.host if retrieval is None else self._declaration.hosts[retrieval.to]
-        return DeviceError(
+        return errors.DeviceError(
             f"{name} has not been set up for this",
             hint=f"type `provision site={self.host.site} only={name}`, and `provision site={centre.site} "
             f"only={centre.name}`",
         )
 
-    def _failure(self, text: str) -> DeviceError:
+    def _failure(self, text: str) -> errors.DeviceError:
         name = self.host.name
         if _NO_PROGRAM in text or "are declared" in text:
             return self._not_set_up()

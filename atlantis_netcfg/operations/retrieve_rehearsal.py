@@ -21,22 +21,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.retrieval import PROGRAM, retrieval
-from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
+from atlantis_netcfg.core import errors, temporary
 from atlantis_netcfg.emulator import ssh
 from atlantis_netcfg.emulator.lab.relay import Relay, RelayWay
-from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Retrieval, RetrievalRobot, ServerComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.cost import size
+from atlantis_netcfg.operations import retrieve
 from atlantis_netcfg.operations.common.link_shapes import link_shapes
-from atlantis_netcfg.operations.retrieve import SHARES, WIRE, RetrievalProgram, RetrievalSelection, new_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
-    from atlantis_netcfg.operations.retrieve import RetrievalPlan, RetrievalStatus, Source
 
 GAP_S: Final = 20.0
 """In the place of 70 s, at most: the link is given back when the connection was lost."""
@@ -62,26 +59,26 @@ def with_example(declaration: Declaration, site: str) -> tuple[Declaration, str 
     """Give the declaration, and what was added to it where it has no recordings. Raises NothingMatched."""
     if declaration.pilot.retrieval is not None or site not in declaration.sites:
         return declaration, None
-    gateway = _first(declaration.site_hosts(site), Gateway)
-    centre = _first(declaration.hosts.values(), ControlCentre)
+    gateway = _first(declaration.site_hosts(site), model.Gateway)
+    centre = _first(declaration.hosts.values(), model.ControlCentre)
     if gateway is None or centre is None:
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"{site} has no gateway in the VPN, or the pilot has no control centre there",
             hint="docs/retrieve.md says what a transfer of recordings needs",
         )
     hosts = dict(declaration.hosts)
     for name in (gateway, centre):
         device = hosts[name].device
-        assert isinstance(device, ServerComputer)  # noqa: S101 - `_first` has looked
+        assert isinstance(device, model.ServerComputer)  # noqa: S101 - `_first` has looked
         ssh_settings = device.ssh.model_copy(update={"host_key": device.ssh.host_key or _EXAMPLE_KEY})
         hosts[name] = replace(hosts[name], device=device.model_copy(update={"ssh": ssh_settings}))
-    example = Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
+    example = model.Retrieval.model_validate({"to": centre, "budget_mb": 1000, "sources": [{"host": gateway}]})
     pilot = declaration.pilot.model_copy(update={"retrieval": example})
     words = f"no recordings are declared to be retrieved: this is an example, from {gateway} to {centre}"
     return replace(declaration, hosts=hosts, pilot=pilot), words
 
 
-def _first(hosts: Iterable[Host], kind: type[ServerComputer]) -> str | None:
+def _first(hosts: Iterable[Host], kind: type[model.ServerComputer]) -> str | None:
     in_vpn = (host for host in hosts if isinstance(host.device, kind) and host.device.vpn_address is not None)
     return next((host.name for host in in_vpn), None)
 
@@ -90,7 +87,7 @@ def _first(hosts: Iterable[Host], kind: type[ServerComputer]) -> str | None:
 class RehearsedTransfer:
     """Both ends, and the link between them."""
 
-    program: RetrievalProgram
+    program: retrieve.RetrievalProgram
     recordings: Path
     target_folder: Path
     _relay: Relay
@@ -109,9 +106,9 @@ class RehearsedTransfer:
         """Of all recordings."""
         return sum(path.stat().st_size for path in self.recordings.rglob("*") if path.is_file())
 
-    def run(self, plan: RetrievalPlan) -> RetrievalStatus:
+    def run(self, plan: retrieve.RetrievalPlan) -> retrieve.RetrievalStatus:
         """Send, cut the link once when half has gone over it, and wait for the end. Raises NotBegun, GatewayAway."""
-        job = plan.job(RetrievalSelection(), new_number())
+        job = plan.job(retrieve.RetrievalSelection(), retrieve.new_number())
         # A relay takes more than a link does before the gap, which is lost in it and counted.
         self.program.start({**job, "silence_s": SILENCE_S, "cap_bytes": None})
         while (status := self.program.status()).runs:
@@ -152,10 +149,12 @@ class RehearsedTransfer:
 
 
 @contextmanager
-def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer) -> Iterator[RehearsedTransfer]:
+def rehearsed_transfer(
+    declaration: Declaration, source: retrieve.Source, bearer: model.Bearer
+) -> Iterator[RehearsedTransfer]:
     """Lay both ends down, and join them; all of it ends with the context. Raises UsageError."""
     if shutil.which("rsync") is None:
-        raise UsageError(
+        raise errors.UsageError(
             "rsync is not installed on this computer, and the rehearsal sends by it",
             hint="type `sudo apt install rsync`, then the same again",
         )
@@ -168,7 +167,9 @@ def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer)
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.write_text(file.content)
         recordings = root / "recordings"
-        _record(recordings, round(SHARES[source.priority] * bearer.rate.up_kbps * 125 * _SECONDS / WIRE))
+        _record(
+            recordings, round(retrieve.SHARES[source.priority] * bearer.rate.up_kbps * 125 * _SECONDS / retrieve.WIRE)
+        )
         environment = _environment(root, recordings)
         server = ssh.CommandServer(_receiver(root, source.host), environment)
         relay = Relay(socket.socket, server.address, buffer=_BUFFER)
@@ -176,12 +177,14 @@ def rehearsed_transfer(declaration: Declaration, source: Source, bearer: Bearer)
         relay.set(way)
         _settle(root, source, recordings, relay.port)
         words = [f"{name}={value}" for name, value in environment.items()]
-        program = RetrievalProgram(declaration, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb])
+        program = retrieve.RetrievalProgram(
+            declaration, source, lambda verb: ["env", "-i", *words, *_run(root, PROGRAM), verb]
+        )
         target_folder = root / settings.folder.lstrip("/") / source.name
         try:
             yield RehearsedTransfer(program, recordings, target_folder, relay, way)
         finally:
-            with suppress(NetcfgError):
+            with suppress(errors.NetcfgError):
                 program.stop()
             relay.close()
             server.close()
@@ -218,13 +221,13 @@ def _receiver(root: Path, gateway: str) -> list[str]:
     return [*_run(root, program), names, f"{root}{folder}", budget]
 
 
-def _settle(root: Path, source: Source, recordings: Path, port: int) -> None:
+def _settle(root: Path, source: retrieve.Source, recordings: Path, port: int) -> None:
     """Let the gateway's program look at the made recordings, and send to the relay."""
     path = root / "etc/atlantis/retrieval.json"
     settings = json.loads(path.read_text())
     settings.update({"from": "127.0.0.1", "address": "127.0.0.1", "port": port})
     row = settings["sources"][source.name]
-    row["folder"] = f"{root}{row['folder']}" if isinstance(source, RetrievalRobot) else str(recordings)
+    row["folder"] = f"{root}{row['folder']}" if isinstance(source, model.RetrievalRobot) else str(recordings)
     path.write_text(json.dumps(settings))
     (root / "var/lib/atlantis/retrieval").mkdir(parents=True)
 

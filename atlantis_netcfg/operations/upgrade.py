@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 from math import ceil
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, OutcomeUnknown, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg import __version__, runs
+from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.links.cost import MeteredLink, Preview, preview
@@ -25,27 +24,10 @@ from atlantis_netcfg.operations.common.request import Mode as RequestMode
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of
-from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, SessionLost
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, SshEndpoint, Status, converge
+from atlantis_netcfg.routeros import api, apply
 from atlantis_netcfg.routeros.console.ssh import upload
 from atlantis_netcfg.routeros.estimate import BearerProfile, beforehand
 from atlantis_netcfg.routeros.packages import InstalledSystem, Npk, RouterOsPackage, Upgrade, plan, read_npk
-from atlantis_netcfg.runs import (
-    Journal,
-    NoJournal,
-    Outcome,
-    PackageConfirmation,
-    PackageSent,
-    Purpose,
-    Rebooting,
-    Recorder,
-    RunEnd,
-    RunStart,
-    StatesOnly,
-    Store,
-    conclude,
-    mark_unrecorded,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -71,48 +53,48 @@ class Upgrading:
     """One device and the files for it."""
 
     name: str
-    endpoint: Endpoint
-    ssh: SshEndpoint
+    endpoint: api.Endpoint
+    ssh: apply.SshEndpoint
     """Where files go; without a pinned host key none is sent."""
     packages: tuple[Npk, ...]
     give_up: tuple[str, ...] = ()
-    notify: Subscriber = lambda _event: None
+    notify: events.Subscriber = lambda _event: None
     waiting: WaitingUpgrade = WaitingUpgrade()
 
     async def look(self) -> tuple[SeenPackages, Upgrade]:
         """Read the device and decide; nothing is changed. Raises UpgradeRefused, and what a session raises."""
-        self._say(Stage.CONNECTING, f"to {self.endpoint}")
+        self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
         observation = await look(self.endpoint)
-        self._say(Stage.OBSERVED, f"{observation.software.board}, RouterOS {observation.software.version}")
+        self._say(events.Stage.OBSERVED, f"{observation.software.board}, RouterOS {observation.software.version}")
         strangers = sorted(observation.files.keys() - {package.path.name for package in self.packages})
         if strangers:
-            raise DeviceError(
+            raise errors.DeviceError(
                 f"other packages lie on the device, and its next reboot would install them: {', '.join(strangers)}",
                 hint="remove them (/file remove), or give them too, then run the same command again",
             )
         return observation, plan(observation.software, self.packages, give_up=self.give_up)
 
-    async def carry_out(self, observation: SeenPackages, upgrade: Upgrade, journal: Recorder) -> SeenPackages:
+    async def carry_out(self, observation: SeenPackages, upgrade: Upgrade, journal: runs.Recorder) -> SeenPackages:
         """Send, reboot, wait, and return what was read back.
 
         Raises DeviceFailed with the device as it was, or OutcomeUnknown if it has not come back.
         """
         await self._send(observation, upgrade, journal)
-        journal.write(Rebooting(device=self.name, version=str(upgrade.version)))
-        self._say(Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
+        journal.write(runs.Rebooting(device=self.name, version=str(upgrade.version)))
+        self._say(events.Stage.APPLYING, f"rebooting into RouterOS {upgrade.version}")
         before = asyncio.get_running_loop().time()
         await _reboot(self.endpoint)
         back = await self._back(before)
         await self._verify(back, upgrade)
         journal.write(
-            PackageConfirmation(
+            runs.PackageConfirmation(
                 device=self.name, version=str(back.software.version), packages=upgrade.expected_packages
             )
         )
-        self._say(Stage.CONFIRMED, f"RouterOS {back.software.version}")
+        self._say(events.Stage.CONFIRMED, f"RouterOS {back.software.version}")
         return back
 
-    async def _send(self, observation: SeenPackages, upgrade: Upgrade, journal: Recorder) -> None:
+    async def _send(self, observation: SeenPackages, upgrade: Upgrade, journal: runs.Recorder) -> None:
         """Put every file on the device; what was put there is taken away again if one does not arrive."""
         sent_bytes = 0
         try:
@@ -121,20 +103,23 @@ class Upgrading:
                     await asyncio.to_thread(self._upload, package, sent_bytes, upgrade.size)
                 sent_bytes += package.size
                 self._say(
-                    Stage.APPLYING, f"kB sent, {package.path.name} is whole", sent_bytes // 1000, upgrade.size // 1000
+                    events.Stage.APPLYING,
+                    f"kB sent, {package.path.name} is whole",
+                    sent_bytes // 1000,
+                    upgrade.size // 1000,
                 )
             await self._all_there(upgrade)
         except BaseException:
             await _remove(self.endpoint, upgrade.send)
             raise
         for package in upgrade.send:
-            journal.write(PackageSent(device=self.name, file=package.path.name, sha256=package.sha256))
+            journal.write(runs.PackageSent(device=self.name, file=package.path.name, sha256=package.sha256))
 
     async def _all_there(self, upgrade: Upgrade) -> None:
         there = await look(self.endpoint)
         missing = [package.path.name for package in upgrade.send if not there.holds(package)]
         if missing:
-            raise DeviceError(f"the device does not take these files for packages: {', '.join(missing)}")
+            raise errors.DeviceError(f"the device does not take these files for packages: {', '.join(missing)}")
 
     def _upload(self, package: Npk, before: int, total: int) -> None:
         reported_bytes = before
@@ -143,7 +128,9 @@ class Upgrading:
             nonlocal reported_bytes
             if before + sent_bytes - reported_bytes >= total // _PROGRESS_STEPS:
                 reported_bytes = before + sent_bytes
-                self._say(Stage.APPLYING, f"kB sent, now {package.path.name}", reported_bytes // 1000, total // 1000)
+                self._say(
+                    events.Stage.APPLYING, f"kB sent, now {package.path.name}", reported_bytes // 1000, total // 1000
+                )
 
         ssh = self.ssh
         upload(
@@ -169,17 +156,17 @@ class Upgrading:
         why = "it did not answer"
         while (gone_s := clock() - began) < self.waiting.until_s:
             words = f"for the device to come back: {gone_s:.0f} s of at most {self.waiting.until_s:.0f} s"
-            self._say(Stage.WAITING, words)
+            self._say(events.Stage.WAITING, words)
             await asyncio.sleep(self.waiting.poll_s)
             try:
                 observation = await look(endpoint)
-            except DeviceError as away:
+            except errors.DeviceError as away:
                 why = str(away)
                 continue
             if observation.uptime_s <= clock() - before + REBOOTED_WITHIN_S:
                 return observation
             why = "it answers, but it has not rebooted"
-        raise OutcomeUnknown(
+        raise errors.OutcomeUnknown(
             f"{self.name} was told to reboot and is not back after {self.waiting.until_s:.0f} s: {why}",
             hint="is it powered? Look at its lights or its serial line, then run the same command again",
         )
@@ -195,35 +182,35 @@ class Upgrading:
         words = await log_of(self.endpoint)
         log_words = f"; its log says: {'; '.join(words)}" if words else ""
         missing = f", without {', '.join(wrong)}" if wrong else ""
-        raise DeviceError(
+        raise errors.DeviceError(
             f"{self.name} rebooted and runs RouterOS {back.software.version}{missing}{log_words}",
             hint="are the files whole and from MikroTik, for this very board?",
         )
 
-    def _say(self, stage: Stage, message: str, amount: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
-        self.notify(Event(self.name, stage, message, amount, total, limit_s=limit_s))
+    def _say(self, stage: events.Stage, message: str, amount: int = 0, total: int = 0, limit_s: float = 0.0) -> None:
+        self.notify(events.Event(self.name, stage, message, amount, total, limit_s=limit_s))
 
 
-async def _reboot(endpoint: Endpoint) -> None:
+async def _reboot(endpoint: api.Endpoint) -> None:
     """Tell it; a device that goes down before it has answered has heard us."""
-    session = await Session.open(endpoint)
+    session = await api.Session.open(endpoint)
     try:
-        (await session.command(Command("/system/reboot"))).check()
-    except SessionLost:
+        (await session.command(api.Command("/system/reboot"))).check()
+    except api.SessionLost:
         pass
     finally:
         await session.close()
 
 
-async def _remove(endpoint: Endpoint, packages: Sequence[Npk]) -> None:
+async def _remove(endpoint: api.Endpoint, packages: Sequence[Npk]) -> None:
     """Take sent files away, as far as the device can be reached."""
     try:
-        session = await Session.open(endpoint)
-    except DeviceError:
+        session = await api.Session.open(endpoint)
+    except errors.DeviceError:
         return
     try:
-        await session.flight([Command("/file/remove", (("numbers", package.path.name),)) for package in packages])
-    except DeviceError:
+        await session.flight([api.Command("/file/remove", (("numbers", package.path.name),)) for package in packages])
+    except errors.DeviceError:
         return
     finally:
         await session.close()
@@ -238,8 +225,8 @@ class UpgradeResult:
     """How it ended; what is told as done was read back."""
 
     device: str
-    status: Status
-    exit: ExitCode
+    status: apply.Status
+    exit: errors.ExitCode
     message: str
     hint: str | None = None
     before: str = ""
@@ -274,7 +261,7 @@ class PreparedUpgrade:
     bearer: BearerProfile
     cost: Preview
     """What sending comes to, with saving and reading back; the reboot itself sends nothing."""
-    job: DeviceJob = field(repr=False)
+    job: apply.DeviceJob = field(repr=False)
 
     @classmethod
     def of(  # noqa: PLR0913 - all that a command line says
@@ -283,7 +270,7 @@ class PreparedUpgrade:
         host: Host,
         files: Sequence[Path],
         request: Request,
-        notify: Subscriber,
+        notify: events.Subscriber,
         *,
         give_up: Sequence[str] = (),
         waiting: WaitingUpgrade = WaitingUpgrade(),
@@ -293,10 +280,12 @@ class PreparedUpgrade:
         UpgradeRefused and DeviceFailed after.
         """
         if not isinstance(host.device, Router):
-            raise NoMatchError(f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded")
+            raise errors.NoMatchError(
+                f"{host.name} is a {host.device.kind.replace('_', ' ')}: only routers are upgraded"
+            )
         packages = tuple(read_npk(path) for path in files)
         gate(declaration, [host], request.model_copy(update={"mode": RequestMode.PLAN}))
-        job = device_job(declaration, host, request, NoJournal(), notify)
+        job = device_job(declaration, host, request, runs.NoJournal(), notify)
         assert job.ssh is not None  # noqa: S101 - every router of the declaration has it
         upgrading = Upgrading(host.name, job.endpoint, job.ssh, packages, tuple(give_up), notify, waiting)
         observation, upgrade = asyncio.run(upgrading.look())
@@ -317,16 +306,16 @@ class PreparedUpgrade:
         self.affordable(request)
         if self.bearer.is_metered and not request.rehearsed and not request.accept_cost:
             raise unpaid([self.cost.words], request.command)
-        store = Store(request.state, is_rehearsal=request.rehearsed)
+        store = runs.Store(request.state, is_rehearsal=request.rehearsed)
         with (
             store.lock(self.job.site, request.command),
             store.start(self._start_record(declaration, request)) as journal,
         ):
             result = self._run_with_journal(journal)
-            outcome = Outcome(
+            outcome = runs.Outcome(
                 device=result.device, status=result.status.value, exit=int(result.exit), message=result.message
             )
-            return mark_unrecorded(result, conclude(journal, outcome, RunEnd(exit=int(result.exit))))
+            return runs.mark_unrecorded(result, runs.conclude(journal, outcome, runs.RunEnd(exit=int(result.exit))))
 
     def affordable(self, request: Request) -> None:
         """Raise CostRefused for files beyond the bearer's cap, which nobody's consent lifts; a rehearsal goes on."""
@@ -338,45 +327,47 @@ class PreparedUpgrade:
         before, after = str(self.observation.software.version), str(self.upgrade.version)
         message = f"planned: RouterOS {before} -> {after}, {len(self.upgrade.send)} files, {self.upgrade.size} bytes"
         names = tuple(package.name for package in self.upgrade.send)
-        return UpgradeResult(self.job.name, Status.PLANNED, ExitCode.CHANGES, message, None, before, after, names)
+        return UpgradeResult(
+            self.job.name, apply.Status.PLANNED, errors.ExitCode.CHANGES, message, None, before, after, names
+        )
 
     def unchanged_result(self) -> UpgradeResult:
         """The words for a device that has all of it."""
         version = str(self.observation.software.version)
         return UpgradeResult(
             self.job.name,
-            Status.UNCHANGED,
-            ExitCode.DONE,
+            apply.Status.UNCHANGED,
+            errors.ExitCode.DONE,
             f"already so: RouterOS {version}",
             before=version,
             after=version,
             packages=self.upgrade.expected_packages,
         )
 
-    def _start_record(self, declaration: Declaration, request: Request) -> RunStart:
-        return RunStart(
+    def _start_record(self, declaration: Declaration, request: Request) -> runs.RunStart:
+        return runs.RunStart(
             site=self.job.site,
             revision=declaration.revision,
             tool=__version__,
             hosts=(self.job.name,),
             rehearsed=request.rehearsed,
             command=request.command,
-            purpose=Purpose.UPGRADE,
+            purpose=runs.Purpose.UPGRADE,
         )
 
-    def _run_with_journal(self, journal: Journal) -> UpgradeResult:
+    def _run_with_journal(self, journal: runs.Journal) -> UpgradeResult:
         before = str(self.observation.software.version)
         try:
             back, differs = asyncio.run(self._run(journal))
-        except NetcfgError as failure:
-            status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
-            hint = failure.hint and complete(failure.hint, site=self.job.site, device=self.job.name)
+        except errors.NetcfgError as failure:
+            status = apply.Status.UNKNOWN if failure.exit is errors.ExitCode.UNKNOWN else apply.Status.LEFT_AS_FOUND
+            hint = failure.hint and errors.complete(failure.hint, site=self.job.site, device=self.job.name)
             return UpgradeResult(self.job.name, status, failure.exit, str(failure), hint, before, run=journal.run)
         after = str(back.software.version)
         return UpgradeResult(
             self.job.name,
-            Status.CHANGED,
-            ExitCode.DONE,
+            apply.Status.CHANGED,
+            errors.ExitCode.DONE,
             f"RouterOS {before} -> {after}, read back: {', '.join(self.upgrade.expected_packages)}",
             None,
             before,
@@ -386,12 +377,14 @@ class PreparedUpgrade:
             (_configuration(differs, self.job.site),),
         )
 
-    async def _run(self, journal: Journal) -> tuple[SeenPackages, DeviceResult]:
-        backup = await converge(replace(self.job, journal=StatesOnly(journal)), mode=JobMode.BACKUP)
-        if backup.exit is not ExitCode.DONE:
-            raise DeviceError(f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint)
+    async def _run(self, journal: runs.Journal) -> tuple[SeenPackages, apply.DeviceResult]:
+        backup = await apply.converge(replace(self.job, journal=runs.StatesOnly(journal)), mode=apply.JobMode.BACKUP)
+        if backup.exit is not errors.ExitCode.DONE:
+            raise errors.DeviceError(
+                f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint
+            )
         back = await self.upgrading.carry_out(self.observation, self.upgrade, journal)
-        return back, await converge(self.job, mode=JobMode.PLAN)
+        return back, await apply.converge(self.job, mode=apply.JobMode.PLAN)
 
 
 def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview:
@@ -402,11 +395,11 @@ def _cost(upgrade: Upgrade, bearer: BearerProfile, link: MeteredLink) -> Preview
     )
 
 
-def _configuration(result: DeviceResult, site: str) -> str:
+def _configuration(result: apply.DeviceResult, site: str) -> str:
     """Say what the new version made of the configuration."""
-    if result.exit is ExitCode.DONE:
+    if result.exit is errors.ExitCode.DONE:
         return "the configuration is as declared"
-    if result.exit is ExitCode.CHANGES:
+    if result.exit is errors.ExitCode.CHANGES:
         return (
             f"{result.planned_count} changes to the declared configuration: look at them with "
             f"`provision site={site} only={result.name} --plan`"
@@ -419,10 +412,10 @@ REBOOTED_WITHIN_S = 5.0
 
 _RESOURCE = "version,architecture-name,board-name,free-hdd-space,factory-software,uptime"
 _READS = (
-    Command("/system/resource/print", ((".proplist", _RESOURCE),)),
-    Command("/system/package/print", ((".proplist", "name,version,disabled"),)),
-    Command("/interface/print", ((".proplist", "name,type"),), ("?type=wlan", "?type=wifi", "?#|")),
-    Command(
+    api.Command("/system/resource/print", ((".proplist", _RESOURCE),)),
+    api.Command("/system/package/print", ((".proplist", "name,version,disabled"),)),
+    api.Command("/interface/print", ((".proplist", "name,type"),), ("?type=wlan", "?type=wifi", "?#|")),
+    api.Command(
         "/file/print",
         ((".proplist", "name,size,package-name,package-version,package-architecture"),),
         ("?type=package",),
@@ -449,9 +442,9 @@ class SeenPackages:
         return "package-name" not in file or file.get("package-version") == str(package.version)
 
 
-async def look(endpoint: Endpoint) -> SeenPackages:
+async def look(endpoint: api.Endpoint) -> SeenPackages:
     """Read it in one session of two round trips. Raises DeviceFailed, also for answers that are not understood."""
-    session = await Session.open(endpoint)
+    session = await api.Session.open(endpoint)
     try:
         resource, packages, radios, files = await session.flight(_READS)
     finally:
@@ -472,15 +465,15 @@ async def look(endpoint: Endpoint) -> SeenPackages:
     )
 
 
-async def log_of(endpoint: Endpoint) -> list[str]:
+async def log_of(endpoint: api.Endpoint) -> list[str]:
     """Return what the device wrote about packages, latest last; empty if it cannot be read."""
     try:
-        session = await Session.open(endpoint)
-    except DeviceError:
+        session = await api.Session.open(endpoint)
+    except errors.DeviceError:
         return []
     try:
-        reply = await session.command(Command("/log/print", ((".proplist", "topics,message"),)))
-    except DeviceError:
+        reply = await session.command(api.Command("/log/print", ((".proplist", "topics,message"),)))
+    except errors.DeviceError:
         return []
     finally:
         await session.close()
@@ -488,7 +481,7 @@ async def log_of(endpoint: Endpoint) -> list[str]:
     return [row["message"] for row in reply.rows if about.search(row.get("message", ""))][-_LOG_LINES:]
 
 
-def _packages(reply: Reply) -> list[RouterOsPackage]:
+def _packages(reply: api.Reply) -> list[RouterOsPackage]:
     """Return what is installed; from 7.18 on the list also has packages that a server offers, without a version."""
     return [
         RouterOsPackage(row.get("name", ""), _version(row["version"]), row.get("disabled") in ("true", "yes"))
@@ -500,7 +493,7 @@ def _packages(reply: Reply) -> list[RouterOsPackage]:
 def _version(text: str) -> Version:
     result = _maybe(text)
     if result is None:
-        raise DeviceError(f"this is no RouterOS that we know: it names a version `{text}`")
+        raise errors.DeviceError(f"this is no RouterOS that we know: it names a version `{text}`")
     return result
 
 

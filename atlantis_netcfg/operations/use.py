@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import DeviceError, NoMatchError, UsageError, complete, nearest
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.links import LinkState
 from atlantis_netcfg.links.cost import preview
 from atlantis_netcfg.operations.common.request import LinkOrder
@@ -33,11 +33,11 @@ PROOF_S: Final = 3600
 _UNPROVED_HINT = "add `--unproved` if you know that it works, or want to find out"
 
 
-class LinkNotFit(DeviceError):
+class LinkNotFit(errors.DeviceError):
     """The link is down, or nobody has seen that it works: the traffic of the site stays where it is."""
 
 
-class NothingInUse(NoMatchError):
+class NothingInUse(errors.NoMatchError):
     """`end` was typed, and no link is in use instead of the declared order."""
 
 
@@ -46,20 +46,22 @@ def span_s(text: str) -> int:
     match = _SPAN.fullmatch(text)
     hint = "type minutes or hours, from 1 minute to 24 hours: `for=30m`, `for=2h`, `for=1h30m`"
     if not text or match is None:
-        raise UsageError(f"`for={text}` is no time", hint=hint)
+        raise errors.UsageError(f"`for={text}` is no time", hint=hint)
     hours, minutes = (int(part or 0) for part in match.groups())
     seconds = 3600 * hours + 60 * minutes
     if not SHORTEST_S <= seconds <= LONGEST_S:
-        raise UsageError(f"`for={text}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint)
+        raise errors.UsageError(
+            f"`for={text}` is {'less than 1 minute' if not seconds else 'more than 24 hours'}", hint=hint
+        )
     return seconds
 
 
 def router_of(declaration: Declaration, site: str) -> Host:
     """Return the router that chooses among the links of a site. Raises UsageError where there is nothing to choose."""
     if site not in declaration.sites:
-        near = nearest(site, declaration.sites)
+        near = errors.nearest(site, declaration.sites)
         choices = f"the sites are: {', '.join(declaration.sites)}"
-        raise UsageError(
+        raise errors.UsageError(
             f"`site={site}`: a link is put in use at one site",
             hint=f"did you mean `site={near}`? {choices}" if near else choices,
         )
@@ -67,7 +69,7 @@ def router_of(declaration: Declaration, site: str) -> Host:
     bearers = declaration.sites[site].bearers
     if router is None or len(bearers) < 2:  # noqa: PLR2004 - to choose among
         only = f"`{bearers[0].name}` is its only link" if bearers else "it has no links"
-        raise UsageError(
+        raise errors.UsageError(
             f"`{site}` has no links to choose among: {only}",
             hint=f"declare a second link in group_vars/{site}.yml, in the order of preference",
         )
@@ -147,7 +149,11 @@ class UseRequest:
 def _unread_hint(site: str, status: LinksStatus) -> str:
     """Return what helps against the silence of the router, where it is known."""
     hint = next((item.hint for item in status.unreachable if item.hint), None)
-    return complete(hint, site=site) if hint else f"`provision links site={site}` shows which link carries the traffic"
+    return (
+        errors.complete(hint, site=site)
+        if hint
+        else f"`provision links site={site}` shows which link carries the traffic"
+    )
 
 
 def ended_order(site: str, status: LinksStatus) -> LinkOrder:

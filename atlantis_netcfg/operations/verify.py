@@ -8,10 +8,9 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.core import events, paths, printable
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.cost import Preview, preview
 from atlantis_netcfg.links.lte import rutos_read
@@ -21,10 +20,10 @@ from atlantis_netcfg.operations.common.session_link import bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of
 from atlantis_netcfg.operations.lte import assumptions as rutos
 from atlantis_netcfg.operations.lte.units import LteUnit
+from atlantis_netcfg.routeros import verify
 from atlantis_netcfg.routeros.api import READING_WINDOW, Traffic
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS
 from atlantis_netcfg.routeros.estimate import HANDSHAKE_BYTES, on_the_wire
-from atlantis_netcfg.routeros.verify import ON_EVENT, UNDO_S, SeenAnswers, fall_silent, read, try_out
 from atlantis_netcfg.runs import Store
 
 if TYPE_CHECKING:
@@ -37,15 +36,15 @@ _FLIGHT_BYTES = 160
 """One small question and its answer, both with their records of TLS."""
 _READ_BYTES = 45_000
 """The history of a hundred entries is most of it, then a list that is asked for ten times."""
-_TRY_BYTES = 40_000 + 2 * ON_EVENT
+_TRY_BYTES = 40_000 + 2 * verify.ON_EVENT
 """Scratch rows, a long job there and back, ids of the history and of names, a question a second for some seconds."""
 _READ_SESSIONS, _TRY_SESSIONS = 2, 7
 _SECONDS = 20.0
 _WORDS = {
-    Verdict.PASS: "holds",
-    Verdict.FAIL: "DOES NOT HOLD",
-    Verdict.INCONCLUSIVE: "not known",
-    Verdict.SKIP: "not shown",
+    events.Verdict.PASS: "holds",
+    events.Verdict.FAIL: "DOES NOT HOLD",
+    events.Verdict.INCONCLUSIVE: "not known",
+    events.Verdict.SKIP: "not shown",
 }
 _ASSUMPTIONS = {assumption.id: assumption for assumption in (*ASSUMPTIONS, *rutos.ASSUMPTIONS)}
 _COUNTS = {verdict: words.lower() for verdict, words in _WORDS.items()}
@@ -56,7 +55,7 @@ class VerifiedDevice:
     """What a device has shown."""
 
     device: str
-    answers: SeenAnswers
+    answers: verify.SeenAnswers
     was_tried: bool
     is_rehearsal: bool
     at: datetime
@@ -65,16 +64,16 @@ class VerifiedDevice:
     file: Path | None = None
     """Where the same was written, to be sent back."""
 
-    def number(self, verdict: Verdict) -> int:
+    def number(self, verdict: events.Verdict) -> int:
         """How many assumptions were judged so."""
         return sum(finding.verdict is verdict for finding in self.answers.findings)
 
     @property
     def exit(self) -> ExitCode:
         """6 if one does not hold or gave no usable answer, 7 if none was shown, else 0."""
-        if self.number(Verdict.FAIL) or self.number(Verdict.INCONCLUSIVE):
+        if self.number(events.Verdict.FAIL) or self.number(events.Verdict.INCONCLUSIVE):
             return ExitCode.CHECKS_FAILED
-        return ExitCode.DONE if self.number(Verdict.PASS) else ExitCode.NOTHING
+        return ExitCode.DONE if self.number(events.Verdict.PASS) else ExitCode.NOTHING
 
     def as_json(self) -> dict[str, Any]:
         """One object for programs."""
@@ -112,10 +111,10 @@ class VerifiedDevice:
             f"{self.device}: {where}{printable.line(answers.board)}, {version}",
             f"  {len(answers.findings)} assumptions; {counts}",
         ]
-        for verdict in (Verdict.FAIL, Verdict.INCONCLUSIVE, Verdict.PASS, Verdict.SKIP):
+        for verdict in (events.Verdict.FAIL, events.Verdict.INCONCLUSIVE, events.Verdict.PASS, events.Verdict.SKIP):
             for finding in (item for item in answers.findings if item.verdict is verdict):
                 lines.append(f"  {_WORDS[verdict]:<14} {finding.id}: {printable.line(finding.evidence)}")
-                if verdict in {Verdict.FAIL, Verdict.INCONCLUSIVE}:
+                if verdict in {events.Verdict.FAIL, events.Verdict.INCONCLUSIVE}:
                     lines += [
                         f"  {'':<14} {_ASSUMPTIONS[finding.id].sentence}",
                         f"  {'':<14} {_ASSUMPTIONS[finding.id].rests}",
@@ -133,7 +132,7 @@ class Verifying:
     declaration: Declaration
     host: Host
     request: Request
-    notify: Subscriber
+    notify: events.Subscriber
     tries: bool = False
     """Also by scratch rows under safe mode."""
     silence: bool = False
@@ -147,7 +146,7 @@ class Verifying:
         payload = READING_WINDOW * _FLIGHT_BYTES + _READ_BYTES + _TRY_BYTES * (self.tries + self.silence)
         sessions = _READ_SESSIONS + _TRY_SESSIONS * (self.tries + self.silence)
         total = on_the_wire(payload + sessions * HANDSHAKE_BYTES, sessions)
-        seconds = _SECONDS * (1 + self.tries) + UNDO_S * self.silence + bearer.rtt_s * 4 * sessions
+        seconds = _SECONDS * (1 + self.tries) + verify.UNDO_S * self.silence + bearer.rtt_s * 4 * sessions
         return preview(total, seconds, link_of(self.declaration, self.host.site, bearer.name), at_most=True)
 
     def run(self) -> VerifiedDevice:
@@ -163,24 +162,24 @@ class Verifying:
             return self._result(rutos.judge(look))
         plain_endpoint = endpoint_of(self.host, get_managed_device(self.declaration, self.host).access, self.request)
         endpoint = replace(plain_endpoint, opening=self._traffic.append)
-        self._say(Stage.CONNECTING, "to be read, not changed")
-        answers = await read(endpoint)
+        self._say(events.Stage.CONNECTING, "to be read, not changed")
+        answers = await verify.read(endpoint)
         if self.tries:
-            self._say(Stage.VERIFYING, "trying with scratch rows under safe mode")
-            answers = answers.with_findings(await try_out(endpoint))
+            self._say(events.Stage.VERIFYING, "trying with scratch rows under safe mode")
+            answers = answers.with_findings(await verify.try_out(endpoint))
         if self.silence:
-            self._say(Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
-            answers = answers.with_findings([await fall_silent(endpoint)])
+            self._say(events.Stage.WAITING, "a session falls silent: the device notices within twelve minutes")
+            answers = answers.with_findings([await verify.fall_silent(endpoint)])
         return self._result(answers)
 
-    def _result(self, answers: SeenAnswers) -> VerifiedDevice:
-        self._say(Stage.DONE, "verified")
+    def _result(self, answers: verify.SeenAnswers) -> VerifiedDevice:
+        self._say(events.Stage.DONE, "verified")
         total = Traffic.total(self._traffic)
         now, was_tried, is_rehearsal = datetime.now(UTC), self.tries or self.silence, self.request.rehearsed
         return VerifiedDevice(self.host.name, answers, was_tried, is_rehearsal, now, total.round_trips, total.bytes)
 
-    def _say(self, stage: Stage, message: str) -> None:
-        self.notify(Event(self.host.name, stage, message))
+    def _say(self, stage: events.Stage, message: str) -> None:
+        self.notify(events.Event(self.host.name, stage, message))
 
 
 def write_report(device: VerifiedDevice, state: Path) -> VerifiedDevice:

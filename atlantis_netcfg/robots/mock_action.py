@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter, deque
 from typing import TYPE_CHECKING, Any, Final
 
-from atlantis_netcfg.robots.actions import ActionServer, GoalRefusal, GoalStatus, PlanStep, require_plan
+from atlantis_netcfg.robots import actions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from atlantis_netcfg.inventory.model.robot import OfferedAction
-    from atlantis_netcfg.robots.actions import Goal
     from atlantis_netcfg.robots.message_types import MessageTypes
     from atlantis_netcfg.robots.network import Publisher, RosService
 
@@ -36,7 +35,7 @@ class MockAction:
         """`accepted`, `refused` and `unreadable`."""
         self.notices: deque[str] = deque(maxlen=_NOTICES)
         """For a person, and of a flood the last ones: `counts` has all."""
-        self._server = ActionServer(one_at_a_time=require is None)
+        self._server = actions.ActionServer(one_at_a_time=require is None)
         self._results = publisher.service(f"{self.name}/_action/get_result", f"{self._kind}_GetResult")
         self._services: Mapping[RosService, Callable[[Any, float, int], Any]] = {
             publisher.service(f"{self.name}/_action/send_goal", f"{self._kind}_SendGoal"): self._accept,
@@ -70,11 +69,11 @@ class MockAction:
         if not is_idle:
             self._publish_states()
 
-    def _announce(self, goal: Goal) -> None:
-        if goal.status is not GoalStatus.CANCELED:
+    def _announce(self, goal: actions.Goal) -> None:
+        if goal.status is not actions.GoalStatus.CANCELED:
             self._publish_feedback(goal)
         if goal.status.is_terminal:
-            self.notices.append("goal succeeded" if goal.status is GoalStatus.SUCCEEDED else "goal cancelled")
+            self.notices.append("goal succeeded" if goal.status is actions.GoalStatus.SUCCEEDED else "goal cancelled")
             for request in goal.requests:
                 self._results.reply(request, self._result(goal))
             goal.requests.clear()
@@ -83,7 +82,7 @@ class MockAction:
         reply = self._types.empty(f"{self._kind}_SendGoal_Response")
         try:
             goal = self._server.accept(bytes(request.goal_id.uuid), self._steps(request.goal), now, stamp_ns)
-        except GoalRefusal as refusal:
+        except actions.GoalRefusal as refusal:
             self.counts["refused"] += 1
             self.notices.append(f"goal refused: {refusal}")
             return reply
@@ -93,15 +92,17 @@ class MockAction:
         _set_time(reply.stamp, goal.stamp_ns)
         return reply
 
-    def _steps(self, goal: Any) -> Sequence[PlanStep]:  # noqa: ANN401 - a message
+    def _steps(self, goal: Any) -> Sequence[actions.PlanStep]:  # noqa: ANN401 - a message
         """Return the steps of a plan; a command has none. Raises GoalRefusal."""
         if self._require is not None:
             self._require()
             return ()
         messages: Sequence[Any] = next((value for value in vars(goal).values() if isinstance(value, list)), ())
-        return require_plan(
+        return actions.require_plan(
             [
-                PlanStep(getattr(each, "index", place), getattr(each, "action", "?"), getattr(each, "data", "{}"), each)
+                actions.PlanStep(
+                    getattr(each, "index", place), getattr(each, "action", "?"), getattr(each, "data", "{}"), each
+                )
                 for place, each in enumerate(messages)
             ]
         )
@@ -118,14 +119,14 @@ class MockAction:
         waits = self._server.wait_for_result(identity, request)
         return None if waits else self._result(self._server.goals.get(identity))
 
-    def _result(self, goal: Goal | None) -> Any:  # noqa: ANN401 - a message
+    def _result(self, goal: actions.Goal | None) -> Any:  # noqa: ANN401 - a message
         reply = self._types.empty(f"{self._kind}_GetResult_Response")
         if goal is not None:
             reply.status = goal.status.value
             self._fill(reply.result, "Result", "completed", goal, range(goal.completed_steps))
         return reply
 
-    def _publish_feedback(self, goal: Goal) -> None:
+    def _publish_feedback(self, goal: actions.Goal) -> None:
         message = self._types.empty(f"{self._kind}_FeedbackMessage")
         message.goal_id.uuid = list(goal.identity)
         completed_steps, total = goal.completed_steps, len(goal.plan)
@@ -145,7 +146,7 @@ class MockAction:
             message.status_list.append(state)
         self._publisher.send(f"{self.name}/_action/status", message)
 
-    def _fill(self, message: Any, part: str, name: str, goal: Goal, steps: range) -> None:  # noqa: ANN401 - a message
+    def _fill(self, message: Any, part: str, name: str, goal: actions.Goal, steps: range) -> None:  # noqa: ANN401 - a message
         """Put steps of a plan into a list of steps, or of completed steps, where the pilot's type has one."""
         kind = self._types.items(f"{self._kind}_{part}", name)
         if kind is None or not goal.plan:
@@ -163,7 +164,7 @@ class MockAction:
             rows.append(row)
         setattr(message, name, rows)
 
-    def _info(self, goal: Goal) -> Any:  # noqa: ANN401 - a message
+    def _info(self, goal: actions.Goal) -> Any:  # noqa: ANN401 - a message
         info = self._types.empty("action_msgs/msg/GoalInfo")
         info.goal_id.uuid = list(goal.identity)
         _set_time(info.stamp, goal.stamp_ns)

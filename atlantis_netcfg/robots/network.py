@@ -11,17 +11,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.robots.listener import (
-    POLL_S,
-    CycloneListener,
-    OtherDomains,
-    decode,
-    listen,
-    mapping_of,
-    octets_reader,
-    open_domain,
-)
-from atlantis_netcfg.robots.observation import HeardWriter, read_heard
+from atlantis_netcfg.robots import listener, observation
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -29,7 +19,6 @@ if TYPE_CHECKING:
     from cyclonedds.idl import IdlStruct
 
     from atlantis_netcfg.robots.message_types import MessageTypes
-    from atlantis_netcfg.robots.observation import RobotObservation
 
 ANNOUNCE_S: Final = 10
 _LEASE_S: Final = 120
@@ -70,7 +59,7 @@ def domain(number: int, configuration: str) -> Iterator[int]:
         hint = "PyPI has none for aarch64: use a laptop with an x86_64 processor"
         raise UsageError("cyclonedds is not installed on this computer", hint=hint) from error
     try:
-        participant = open_domain(number, configuration)
+        participant = listener.open_domain(number, configuration)
     except DDSException as error:
         hint = "is the address one of this computer's, and the interface up? `ip address` shows both"
         raise UsageError(f"no participant of DDS can be made here: {error}", hint=hint) from error
@@ -89,31 +78,33 @@ class RobotListener:
         types: MessageTypes,
         configuration_topic: str,
         address: str | None = None,
-        keep: Callable[[HeardWriter, bytes], None] | None = None,
+        keep: Callable[[observation.HeardWriter, bytes], None] | None = None,
     ) -> None:
         """`address`: of this computer, where other domains are listened to as well; `keep` is given every message."""
 
         def keep_row(row: Mapping[str, Any], data: bytes) -> None:
             if keep is not None:
                 names = ("participant", "topic", "type", "reliable", "transient_local")
-                keep(HeardWriter(*(row[name] for name in names)), data)
+                keep(observation.HeardWriter(*(row[name] for name in names)), data)
 
-        self._listener = CycloneListener(number, types, configuration_topic, keep_row if keep is not None else None)
-        self._others = OtherDomains(number, address) if address is not None else None
+        self._listener = listener.CycloneListener(
+            number, types, configuration_topic, keep_row if keep is not None else None
+        )
+        self._others = listener.OtherDomains(number, address) if address is not None else None
 
-    def listen(self, seconds: float) -> RobotObservation:
+    def listen(self, seconds: float) -> observation.RobotObservation:
         """Listen so long, and say what was heard since the beginning."""
-        return read_heard(listen(self._listener, seconds, self._others))
+        return observation.read_heard(listener.listen(self._listener, seconds, self._others))
 
-    async def listen_beside_others(self, seconds: float) -> RobotObservation:
+    async def listen_beside_others(self, seconds: float) -> observation.RobotObservation:
         """Listen so long, and let others work meanwhile."""
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             self._listener.poll(pause_s=0)
             if self._others is not None:
                 self._others.poll()
-            await asyncio.sleep(POLL_S)
-        return read_heard(mapping_of(self._listener, self._others))
+            await asyncio.sleep(listener.POLL_S)
+        return observation.read_heard(listener.mapping_of(self._listener, self._others))
 
 
 class Publisher:
@@ -166,7 +157,9 @@ class RosService:
         reliable = Policy.Reliability.Reliable(duration(milliseconds=_BLOCK_MS))
         qos = Qos(reliable, Policy.History.KeepLast(_REQUESTS_AT_ONCE))
         self._type = types.idl(f"{kind}_Request")
-        self._reader = octets_reader(participant, f"rq{name}Request", types.unchecked_type(f"{kind}_Request"), qos)
+        self._reader = listener.octets_reader(
+            participant, f"rq{name}Request", types.unchecked_type(f"{kind}_Request"), qos
+        )
         self._writer = _writer(participant, f"rr{name}Reply", types.idl(f"{kind}_Response"), qos)
 
     def requests(self) -> Iterator[Any]:
@@ -174,7 +167,7 @@ class RosService:
         for sample in self._reader.take(N=_REQUESTS_AT_ONCE):
             if sample.sample_info.valid_data:
                 data = sample.data if len(sample.data) <= _LONGEST_REQUEST else b""
-                message = decode(self._type, data)
+                message = listener.decode(self._type, data)
                 is_whole = message is not None and 0 <= len(data) - len(message.serialize()) < _ALIGNMENT
                 yield message if is_whole else None
 

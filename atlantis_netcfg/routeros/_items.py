@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
+from atlantis_netcfg.routeros import menus
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -36,12 +36,12 @@ class RowItem:
     @property
     def identity(self) -> tuple[str, ...]:
         """What tells the row apart within its menu, in canonical form."""
-        return MENUS[self.menu].identity(self.defined_values)
+        return menus.MENUS[self.menu].identity(self.defined_values)
 
     @property
     def is_marked(self) -> bool:
         """True for a row that becomes ours."""
-        return (self.values.get("comment") or "").startswith(MARK)
+        return (self.values.get("comment") or "").startswith(menus.MARK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class RunTime:
     temporary: bool = False
     """Only while a bearer is in use for a time (`routeros/link_use.py`)."""
 
-    def covers(self, menu: Menu, name: str, desired_value: str | None, row: Row) -> bool:
+    def covers(self, menu: menus.Menu, name: str, desired_value: str | None, row: Row) -> bool:
         """Tell whether what was found in the row is what the device makes of the wanted value."""
         each = menu.by_name[name]
         mine = (self.menu, self.name) == (menu.path, name)
@@ -106,13 +106,13 @@ def near(word: str, words: Iterable[str]) -> str:
     return f"; did you mean {close}?" if close else ""
 
 
-def known_menu(path: str) -> Menu:
+def known_menu(path: str) -> menus.Menu:
     """Return the menu's row of the table. Raises Mistake, without place, for a menu that is not in it."""
-    if path not in MENUS:
+    if path not in menus.MENUS:
         title = "/" + path.strip("/").replace("/", " ")
-        hint = near(title, (menu.title for menu in MENUS.values()))
+        hint = near(title, (menu.title for menu in menus.MENUS.values()))
         raise Mistake(f"{title} is no menu that can be declared{hint}")
-    return MENUS[path]
+    return menus.MENUS[path]
 
 
 def item_of(statement: Statement) -> RowItem:
@@ -127,10 +127,10 @@ def item_of(statement: Statement) -> RowItem:
     raise Mistake(f"`{statement.verb}` is not allowed in a declaration: write `add` or `set`")
 
 
-def _build_added_item(menu: Menu, statement: Statement) -> RowItem:
-    if menu.shape is Shape.SINGLETON:
+def _build_added_item(menu: menus.Menu, statement: Statement) -> RowItem:
+    if menu.shape is menus.Shape.SINGLETON:
         raise Mistake(f"{menu.title} holds settings and no rows: write `set` instead of `add`")
-    if menu.shape is Shape.FIXED:
+    if menu.shape is menus.Shape.FIXED:
         raise Mistake(f"the rows of {menu.title} are there already: write `set [ find {menu.keys[0]}=... ]`")
     values = _values(menu, statement)
     for key in menu.keys:
@@ -139,9 +139,9 @@ def _build_added_item(menu: Menu, statement: Statement) -> RowItem:
     return RowItem(menu.path, values, statement.line)
 
 
-def _set(menu: Menu, statement: Statement) -> RowItem:
+def _set(menu: menus.Menu, statement: Statement) -> RowItem:
     values = _values(menu, statement)
-    if menu.shape is Shape.SINGLETON:
+    if menu.shape is menus.Shape.SINGLETON:
         if statement.find is not None or statement.target is not None:
             raise Mistake(f"{menu.title} holds settings and no rows: write `set name=value` without a row")
         return RowItem(menu.path, values, statement.line)
@@ -155,7 +155,7 @@ def _set(menu: Menu, statement: Statement) -> RowItem:
     return RowItem(menu.path, {**keys, **values}, statement.line, exists=True)
 
 
-def _parse_selector(menu: Menu, statement: Statement) -> dict[str, str]:
+def _parse_selector(menu: menus.Menu, statement: Statement) -> dict[str, str]:
     """Return the keys that the statement's selector names."""
     example = " ".join(f"{key}=..." for key in menu.keys)
     if not menu.keys:
@@ -170,7 +170,7 @@ def _parse_selector(menu: Menu, statement: Statement) -> dict[str, str]:
     return result
 
 
-def _values(menu: Menu, statement: Statement) -> dict[str, str | None]:
+def _values(menu: menus.Menu, statement: Statement) -> dict[str, str | None]:
     values: dict[str, str | None] = {}
     for name, value in statement.values:
         if name not in menu.by_name:

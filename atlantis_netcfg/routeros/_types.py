@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.core.versions import Version
-from typing import TYPE_CHECKING
 
 FEW_FOREIGN: Final = 100
 """So many rows of others may go from menus that are ours entirely without being asked for apart."""

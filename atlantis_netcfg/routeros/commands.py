@@ -14,16 +14,15 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import Action, Row, Verb
+from atlantis_netcfg.routeros import _types, menus
 from atlantis_netcfg.routeros.api import Command, Reply
-from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, Shape, canonical
 from atlantis_netcfg.routeros.rsc import in_quotes, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 
-def console(action: Action) -> str:
+def console(action: _types.Action) -> str:
     r"""Return the console line, without line end: `/ip/firewall/filter/add chain=input place-before=*A3`.
 
     Manual, Scripting, and Configuration Management. Values in quotes are escaped so that `$`, `\`, `"` and line ends
@@ -42,34 +41,34 @@ def _word(name: str, value: str | None) -> str:
     return name if value is None else f"{name}={quote(value)}"
 
 
-def _values(action: Action) -> Iterator[tuple[str, str | None]]:
+def _values(action: _types.Action) -> Iterator[tuple[str, str | None]]:
     """Yield names with values; None stands for a bare word, which sets a flag (`fib`) or unsets (`!fib`).
 
     A boolean that was read over the API says `true`, which is a syntax error on the console (7.23.3).
     """
-    fields = MENUS[action.menu].by_name
+    fields = menus.MENUS[action.menu].by_name
     for name, value in action.values:
         if name.startswith("!"):
             yield name, None
-        elif fields[name].kind is PropertyKind.FLAG:
-            yield (name if canonical(PropertyKind.FLAG, value) == "yes" else f"!{name}"), None
-        elif fields[name].kind is PropertyKind.BOOLEAN:
-            yield name, canonical(PropertyKind.BOOLEAN, value)
+        elif fields[name].kind is menus.PropertyKind.FLAG:
+            yield (name if menus.canonical(menus.PropertyKind.FLAG, value) == "yes" else f"!{name}"), None
+        elif fields[name].kind is menus.PropertyKind.BOOLEAN:
+            yield name, menus.canonical(menus.PropertyKind.BOOLEAN, value)
         else:
             yield name, value
 
 
-_PLACE = {Verb.ADD: "place-before", Verb.MOVE: "destination"}
+_PLACE = {_types.Verb.ADD: "place-before", _types.Verb.MOVE: "destination"}
 
 
-def sentence(action: Action) -> tuple[str, tuple[tuple[str, str], ...]]:
+def sentence(action: _types.Action) -> tuple[str, tuple[tuple[str, str], ...]]:
     """Return the command word and its arguments: `/ip/address/set`, `(.id, *5), (disabled, yes)`.
 
     Manual, API (`!name` unsets a property, ids are joined by commas, `destination` is the row to stand before).
     """
     arguments = [(name, value or "") for name, value in _values(action)]
     if action.ids:
-        arguments.insert(0, ("numbers" if action.verb is Verb.MOVE else ".id", ",".join(action.ids)))
+        arguments.insert(0, ("numbers" if action.verb is _types.Verb.MOVE else ".id", ",".join(action.ids)))
     if action.before is not None:
         arguments.append((_PLACE[action.verb], action.before))
     return f"{action.menu}/{action.verb}", tuple(arguments)
@@ -153,7 +152,9 @@ class Examination:
     """Whole lists; None: the device offers none, or not surely all of it."""
     _whole: list[_Argument] = field(default_factory=list)
 
-    def questions(self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]) -> tuple[Command, ...]:
+    def questions(
+        self, actions: Sequence[_types.Action], rows: Mapping[str, Sequence[_types.Row]]
+    ) -> tuple[Command, ...]:
         """Return what is still to be asked of these actions; no more than ROOM. `read_answers` reads the answers.
 
         A value that a row of the menu has already needs no question.
@@ -170,7 +171,7 @@ class Examination:
         )
 
     def _find_open_values(
-        self, actions: Sequence[Action], rows: Mapping[str, Sequence[Row]]
+        self, actions: Sequence[_types.Action], rows: Mapping[str, Sequence[_types.Row]]
     ) -> Iterator[tuple[_Argument, tuple[str, ...]]]:
         values_by_argument: dict[_Argument, dict[str, None]] = {}
         for action in actions:
@@ -219,24 +220,24 @@ class Examination:
             else:
                 self.refusals[line] = words
 
-    def doubt(self, actions: Iterable[Action]) -> str:
+    def doubt(self, actions: Iterable[_types.Action]) -> str:
         """Say that and why nobody knows whether the device takes all that it does not object to; or nothing."""
         arguments = {(action.menu, name) for action in actions for name, _ in action.values}
         lists = sorted(each for each, words in self._lists.items() if words is None and each in arguments)
-        values = (f"it does not tell which words `{name}` of {MENUS[menu].title} takes" for menu, name in lists)
+        values = (f"it does not tell which words `{name}` of {menus.MENUS[menu].title} takes" for menu, name in lists)
         why = "; ".join((*((self.unclear,) if self.unclear else ()), *values))
         return f"INCONCLUSIVE whether this device takes every command of the plan: {why}" if why else ""
 
-    def objections(self, actions: Iterable[Action], source: str) -> Iterator[str]:
+    def objections(self, actions: Iterable[_types.Action], source: str) -> Iterator[str]:
         """Yield what the device does not take, with the line of the text where that declares it."""
         for action in actions:
             words = self.refusals.get(_line(action), "") or next(self._foreign(action), "")
             if words:
                 place = f"{source}, line {action.line}: " if action.line else ""
-                what = f"{action.verb.value} {action.subject} in {MENUS[action.menu].title}"
+                what = f"{action.verb.value} {action.subject} in {menus.MENUS[action.menu].title}"
                 yield f"{place}the device's own parser does not take this ({what}): {words}"
 
-    def _foreign(self, action: Action) -> Iterator[str]:
+    def _foreign(self, action: _types.Action) -> Iterator[str]:
         """Yield what is wrong with values of a closed list."""
         for name, value in action.values:
             words = self._lists.get((action.menu, name))
@@ -258,7 +259,7 @@ def _cut(lines: Sequence[str], room: int) -> list[list[str]]:
     return scripts
 
 
-def _line(action: Action) -> str:
+def _line(action: _types.Action) -> str:
     """Return the command of an action for the parser: one row is as good as a thousand, and no secret is needed."""
     values = tuple((name, _PLACEHOLDER if name in action.secrets else value) for name, value in action.values)
     return console(replace(action, ids=action.ids[:1], values=values))
@@ -266,7 +267,7 @@ def _line(action: Action) -> str:
 
 def build_completion_query(menu: str, name: str, *, among: Sequence[str] = ()) -> Command:
     """Ask for the list of an argument, or which of some values are in it."""
-    verb = "add" if MENUS[menu].shape is Shape.LIST else "set"
+    verb = "add" if menus.MENUS[menu].shape is menus.Shape.LIST else "set"
     path = ",".join((*menu.strip("/").split("/"), verb, name))
     arguments = (("request", "completion"), ("path", path), (".proplist", "completion"))
     # A device that ignores the queries sends all, which is as good. Assumption: inspect-whole

@@ -17,8 +17,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Action, Observation, Plan, Row, Verb, is_bare
+from atlantis_netcfg.routeros import _types, snapshot
 from atlantis_netcfg.routeros.api import Command
 from atlantis_netcfg.routeros.diff import added_row, existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, PropertyKind, Shape, canonical, rank
@@ -193,7 +192,7 @@ class Raw:
 
     kind: DriftKind
     desired_row: Mapping[str, str] | None = None
-    actual_row: Row | None = None
+    actual_row: _types.Row | None = None
 
     def differing(self, menu: Menu) -> tuple[str, ...]:
         """Return the properties that differ, in the order of the table."""
@@ -209,7 +208,7 @@ class Raw:
         )
 
 
-def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) -> list[Raw]:
+def raw_differences(menu: Menu, actions: Iterable[_types.Action], rows: Sequence[_types.Row]) -> list[Raw]:
     """Turn the actions on one menu into differences, in the order: settings and rows as they are, then what is new.
 
     A plan is made to be carried out: a rule of the firewall that somebody has edited is added anew and removed, since
@@ -222,11 +221,11 @@ def raw_differences(menu: Menu, actions: Iterable[Action], rows: Sequence[Row]) 
     removed_rows: list[_Values] = []
     for action in actions:
         there = [by_id[each] for each in action.ids]
-        if action.verb is Verb.ADD:
+        if action.verb is _types.Verb.ADD:
             missing.append(dict(action.values))
-        elif action.verb is Verb.REMOVE:
+        elif action.verb is _types.Verb.REMOVE:
             removed_rows += there
-        elif action.verb is Verb.MOVE:
+        elif action.verb is _types.Verb.MOVE:
             differences += [Raw(DriftKind.ORDER, row, row) for row in there]
         else:
             for row in there or [*rows[:1], {}][:1]:
@@ -251,13 +250,13 @@ def mark_of(values: Mapping[str, str]) -> str | None:
     return comment if comment.startswith(MARK) else None
 
 
-def _after(row: _Values, action: Action) -> dict[str, str]:
+def _after(row: _Values, action: _types.Action) -> dict[str, str]:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
     remaining_values = {name: value for name, value in row.items() if name not in unset}
     return remaining_values | {name: value for name, value in action.values if not name.startswith("!")}
 
 
-def _together(menu: Menu, desired_row: Mapping[str, str], row: Row) -> Raw:
+def _together(menu: Menu, desired_row: Mapping[str, str], row: _types.Row) -> Raw:
     raw = Raw(DriftKind.CHANGED, desired_row, row)
     return raw if raw.differing(menu) else Raw(DriftKind.ORDER, desired_row, row)
 
@@ -300,7 +299,7 @@ class DriftHistory:
     is not found, and nothing is said then.
     """
 
-    rows: Sequence[Row] = ()
+    rows: Sequence[_types.Row] = ()
 
     def deed(self, menu: Menu, raw: Raw) -> ChangeRecord | None:
         """Return the latest entry about the row of a difference."""
@@ -342,15 +341,15 @@ class _RowView:
 
     menu: Menu
     desired_state: DesiredState
-    rows: Sequence[Row]
+    rows: Sequence[_types.Row]
     past: Past | None
     history: DriftHistory
 
 
 def compare(
     desired_state: DesiredState,
-    observation: Observation,
-    plan: Plan,
+    observation: _types.Observation,
+    plan: _types.Plan,
     past: Past | None = None,
     history: DriftHistory = _NO_HISTORY,
 ) -> Comparison:
@@ -366,12 +365,12 @@ def compare(
     return Comparison(titles, tuple(differences), *(() if past is None else (past.run, past.at)))
 
 
-def _of_menu(view: _RowView, plan: Plan) -> Iterator[Difference]:
+def _of_menu(view: _RowView, plan: _types.Plan) -> Iterator[Difference]:
     path = view.menu.path
     raws = raw_differences(view.menu, [each for each in plan.actions if each.menu == path], view.rows)
     by_id = {row.get(".id"): row for row in view.rows}
     raws += [Raw(DriftKind.FOREIGN, actual_row=by_id[each.id]) for each in plan.drift if each.menu == path]
-    read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not is_bare(raw.actual_row)]
+    read = [raw for raw in raws if raw.actual_row is None or view.menu.is_ordered or not _types.is_bare(raw.actual_row)]
     yield from (_message(view, raw) for raw in read)
     if unread := len(raws) - len(read):
         subject = f"{unread} rows more"
@@ -488,7 +487,7 @@ class Past:
         state = snapshot.read(text, f"the state that run {run} confirmed")
         return cls(run, at, {path: tuple(item.defined_values for item in items) for path, items in state.items.items()})
 
-    def since(self, menu: Menu, raw: Raw, rows: Sequence[Row]) -> _Verdict:
+    def since(self, menu: Menu, raw: Raw, rows: Sequence[_types.Row]) -> _Verdict:
         """Return when a difference came about, and why nobody can tell; `rows` are those of the menu now."""
         if menu.path not in self.rows:
             return Since.UNKNOWN, f"run {self.run} did not read this menu"
@@ -517,7 +516,7 @@ class Past:
             return {key: values[key] for key in menu.keys if key in values}
         return match if match is not None else index.by_mark.get(mark_of(values))
 
-    def _order(self, menu: Menu, actual_row: Row, rows: Sequence[Row]) -> _Verdict:
+    def _order(self, menu: Menu, actual_row: _types.Row, rows: Sequence[_types.Row]) -> _Verdict:
         """Compare the order of what stood in the row's list then and stands there now."""
         chain = menu.form(menu.chain, actual_row) if menu.chain else ""
         then = _chain(menu, self.rows[menu.path], chain)

@@ -11,12 +11,11 @@ from dataclasses import dataclass, replace
 from math import ceil
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Layer, Observation, Plan, Row, Verb, is_bare
+from atlantis_netcfg.routeros import _types, observe
 from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW
 from atlantis_netcfg.routeros.commands import Examination, console
 from atlantis_netcfg.routeros.diff import existing_row
 from atlantis_netcfg.routeros.menus import MARK, MENUS
-from atlantis_netcfg.routeros.observe import HISTORY, LATER, LEAVES, printing
 from atlantis_netcfg.routeros.pin import LTE
 from atlantis_netcfg.routeros.planner import simulate
 from atlantis_netcfg.routeros.safe_mode import BUDGET
@@ -147,7 +146,7 @@ class _CostTally:
 
 
 def _read(
-    tally: _CostTally, menus: Sequence[str], rows: Mapping[str, Sequence[Row]] | None, preflight: int = PREFLIGHT
+    tally: _CostTally, menus: Sequence[str], rows: Mapping[str, Sequence[_types.Row]] | None, preflight: int = PREFLIGHT
 ) -> None:
     """Ask for the device itself and for every menu."""
     # A modem is asked beside it, which is more than reading.
@@ -162,11 +161,14 @@ def _read(
 
 
 def _read_back(
-    tally: _CostTally, menus: Sequence[str], touched_menus: Collection[str], rows: Mapping[str, Sequence[Row]] | None
+    tally: _CostTally,
+    menus: Sequence[str],
+    touched_menus: Collection[str],
+    rows: Mapping[str, Sequence[_types.Row]] | None,
 ) -> None:
     """Read everything again, or what was touched and the counts of the rest."""
-    if rows is None or not LEAVES.issuperset(touched_menus):
-        again = [path for path in menus if path in touched_menus or path not in LATER]
+    if rows is None or not observe.LEAVES.issuperset(touched_menus):
+        again = [path for path in menus if path in touched_menus or path not in observe.LATER]
         _read(tally, again, rows and {path: rows[path] for path in again}, AGAIN)
         return
     answer_bytes = sum(_answer(row) for path in touched_menus for row in rows.get(path, ()))
@@ -178,14 +180,14 @@ def _read_back(
     )
 
 
-def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[Row]]) -> None:
+def _look_again(tally: _CostTally, rows: Mapping[str, Sequence[_types.Row]]) -> None:
     """Read everything once more before the first change; menus with very many rows are counted."""
-    short = {path: there for path, there in rows.items() if len(there) <= FEW_FOREIGN}
+    short = {path: there for path, there in rows.items() if len(there) <= _types.FEW_FOREIGN}
     _read(tally, tuple(short), short, PREFLIGHT if len(short) == len(rows) else AGAIN)
     tally.spend(trips=0, up=(len(rows) - len(short)) * COUNT_UP, down=(len(rows) - len(short)) * COUNT_DOWN)
 
 
-def estimate(plan: Plan, bearer: BearerProfile, observation: Observation | None = None) -> Estimate:
+def estimate(plan: _types.Plan, bearer: BearerProfile, observation: _types.Observation | None = None) -> Estimate:
     """Estimate the run of a plan; an empty plan costs the reading that found it empty.
 
     With `observation`, from which the plan was made, the sizes of reads are real ones instead of typical ones.
@@ -202,13 +204,13 @@ def estimate(plan: Plan, bearer: BearerProfile, observation: Observation | None 
     return _build_estimate(tally, bearer)
 
 
-def _whole(rows: tuple[Row, ...]) -> tuple[Row, ...]:
+def _whole(rows: tuple[_types.Row, ...]) -> tuple[_types.Row, ...]:
     """Take rows of which only the `.id` was read for as long as the last one without our mark that was read."""
-    if not any(map(is_bare, rows)):
+    if not any(map(_types.is_bare, rows)):
         return rows
-    others = (row for row in reversed(rows) if not is_bare(row) and not row.get("comment", "").startswith(MARK))
+    others = (row for row in reversed(rows) if not _types.is_bare(row) and not row.get("comment", "").startswith(MARK))
     sample = next(others, TYPICAL_FOREIGN)
-    return tuple({**sample, ".id": row[".id"]} if is_bare(row) else row for row in rows)
+    return tuple({**sample, ".id": row[".id"]} if _types.is_bare(row) else row for row in rows)
 
 
 def beforehand(bearer: BearerProfile, *, writes: bool = False, plans: bool = False, exports: bool = False) -> Estimate:
@@ -244,7 +246,9 @@ def _build_estimate(tally: _CostTally, bearer: BearerProfile) -> Estimate:
     return Estimate(bearer.name, tally.round_trips, tally.up, tally.down, _seconds(tally, bearer), tally.sessions)
 
 
-def _change(tally: _CostTally, plan: Plan, observation: Observation | None, menus: tuple[str, ...]) -> None:
+def _change(
+    tally: _CostTally, plan: _types.Plan, observation: _types.Observation | None, menus: tuple[str, ...]
+) -> None:
     """Have it parsed, save, take safe mode, write, read anew, release."""
     tally.spend(up=LATER_UP, down=LATER_DOWN)
     _parse(tally, plan, observation)
@@ -253,7 +257,7 @@ def _change(tally: _CostTally, plan: Plan, observation: Observation | None, menu
     alone = len(stages.pieces) == 1 and not stages.before and not stages.behind
     beside = alone and (observation is None or observation.facts.has_safe_mode)
     tally.spend(trips=not beside, up=200, down=_export(observation) + 4 * TAG_BYTES)
-    if observation is not None and observation.facts.history >= HISTORY - 1:
+    if observation is not None and observation.facts.history >= observe.HISTORY - 1:
         _look_again(tally, observation.rows)
     if stages.before:
         _script(tally, stages.before)
@@ -275,9 +279,9 @@ def _change(tally: _CostTally, plan: Plan, observation: Observation | None, menu
 class _StageCosts:
     """How a plan is sent: harmless additions may go outside safe mode, those that others name before, others behind."""
 
-    before: list[Action]
-    pieces: list[list[Action]]
-    behind: list[Action]
+    before: list[_types.Action]
+    pieces: list[list[_types.Action]]
+    behind: list[_types.Action]
 
     @property
     def trips(self) -> int:
@@ -286,30 +290,30 @@ class _StageCosts:
         return 2 * bool(self.before) + bool(self.behind) + (HANDSHAKE_TRIPS + 2 + CHECKPOINT_TRIPS) * checkpoints
 
 
-def _stages(plan: Plan) -> _StageCosts:
+def _stages(plan: _types.Plan) -> _StageCosts:
     """Return the cheapest way."""
     ways = ((), (True,), (False,), (True, False))
     return min((_split_stages(plan.actions, outside) for outside in ways), key=lambda stages: stages.trips)
 
 
-def _split_stages(actions: Sequence[Action], outside: Sequence[bool]) -> _StageCosts:
+def _split_stages(actions: Sequence[_types.Action], outside: Sequence[bool]) -> _StageCosts:
     """Send harmless additions to the foundation (True), or to other layers (False), outside safe mode."""
-    out = [each for each in actions if _is_harmless(each) and (each.layer is Layer.FOUNDATION) in outside]
+    out = [each for each in actions if _is_harmless(each) and (each.layer is _types.Layer.FOUNDATION) in outside]
     numbers = {each.number for each in out}
     return _StageCosts(
-        before=[each for each in out if each.layer is Layer.FOUNDATION],
+        before=[each for each in out if each.layer is _types.Layer.FOUNDATION],
         pieces=list(_pieces(each for each in actions if each.number not in numbers)),
-        behind=[each for each in out if each.layer is not Layer.FOUNDATION],
+        behind=[each for each in out if each.layer is not _types.Layer.FOUNDATION],
     )
 
 
-def _is_harmless(action: Action) -> bool:
-    return action.inert and action.verb is Verb.ADD
+def _is_harmless(action: _types.Action) -> bool:
+    return action.inert and action.verb is _types.Verb.ADD
 
 
-def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
+def _pieces(actions: Iterable[_types.Action]) -> Iterator[list[_types.Action]]:
     """Cut where safe mode is full; one action over very many rows fills several, of which only the first is written."""
-    piece: list[Action] = []
+    piece: list[_types.Action] = []
     weight = 0
     for action in actions:
         if piece and weight + action.weight > BUDGET:
@@ -324,14 +328,14 @@ def _pieces(actions: Iterable[Action]) -> Iterator[list[Action]]:
         yield piece
 
 
-def _script(tally: _CostTally, actions: Sequence[Action]) -> None:
+def _script(tally: _CostTally, actions: Sequence[_types.Action]) -> None:
     size = sum(_word(console(action)) + _word(f'\n:put "ok {action.number}"\n') for action in actions)
     reply = sum(len(f"ok {action.number}\r\n") for action in actions)
     trips = max(1, ceil(size / SCRIPT))
     tally.spend(trips=trips, up=size + 40, down=reply + 40, device_s=len(actions) * EXECUTE_S)
 
 
-def _parse(tally: _CostTally, plan: Plan, observation: Observation | None) -> None:
+def _parse(tally: _CostTally, plan: _types.Plan, observation: _types.Observation | None) -> None:
     """Show the commands to the device's parser, beside what is read before a change."""
     commands = Examination().questions(plan.actions, observation.rows if observation is not None else {})
     up = sum(_word(word) for command in commands for word in command.words()) + len(commands) * (TAG_BYTES + 1)
@@ -341,7 +345,7 @@ def _parse(tally: _CostTally, plan: Plan, observation: Observation | None) -> No
     tally.spend(trips=0, up=up, down=down, device_s=len(plan.actions) * EXECUTE_S)
 
 
-def _export(observation: Observation | None) -> int:
+def _export(observation: _types.Observation | None) -> int:
     # The firewall is read of every router, but not for an order of its links: the export holds more than that.
     if observation is None or "/ip/firewall/filter" not in observation.rows:
         return TYPICAL_EXPORT
@@ -353,10 +357,10 @@ def _export(observation: Observation | None) -> int:
 
 def _question(path: str) -> int:
     """Bytes of the sentence that reads a menu."""
-    return sum(map(_word, printing(path).words())) + TAG_BYTES + 1
+    return sum(map(_word, observe.printing(path).words())) + TAG_BYTES + 1
 
 
-def _answer(row: Row) -> int:
+def _answer(row: _types.Row) -> int:
     """Bytes of the sentence that brings one row."""
     return 4 + TAG_BYTES + sum(_word(f"={name}={value}") for name, value in row.items()) + 1
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge, stopped_before_turn
+from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.pair import Pair, converge_pair
 
 AT_ONCE = 32
@@ -22,7 +22,7 @@ PATIENCE_S = 10.0
 MOST = 256
 """Devices in work at the same time, whatever they wait for: what bounds memory where very many are dead or slow."""
 
-ResultCallback = Callable[[DeviceResult], object]
+ResultCallback = Callable[[apply.DeviceResult], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Waiting:
     """
 
     name: str
-    make: Callable[[], DeviceJob | Pair]
+    make: Callable[[], apply.DeviceJob | Pair]
     other: str | None = None
     """A pair: its far end; `name` is the near one."""
     after: tuple[str, ...] = ()
@@ -44,42 +44,42 @@ class Waiting:
 
 
 async def run(
-    jobs: Iterable[DeviceJob | Pair],
+    jobs: Iterable[apply.DeviceJob | Pair],
     *,
-    mode: str = JobMode.APPLY,
+    mode: str = apply.JobMode.APPLY,
     at_once: int = AT_ONCE,
     on_result: ResultCallback | None = None,
-) -> list[DeviceResult]:
+) -> list[apply.DeviceResult]:
     """Converge every device and return the results in the order of the jobs; `on_result` is called with each.
 
     Cancelled once, it stops: devices in work are taken back, those that wait are left alone, all are reported.
     """
     waiting = list(jobs)
-    results: dict[int, list[DeviceResult]] = {number: [] for number in range(len(waiting))}
+    results: dict[int, list[apply.DeviceResult]] = {number: [] for number in range(len(waiting))}
     turns = [(_waiting(job), results[number].append) for number, job in enumerate(waiting)]
-    await _all(turns, JobMode(mode), at_once, on_result)
+    await _all(turns, apply.JobMode(mode), at_once, on_result)
     return [result for number in range(len(waiting)) for result in results[number]]
 
 
 async def stream(
-    jobs: Iterable[Waiting], on_result: ResultCallback, *, mode: str = JobMode.APPLY, at_once: int = AT_ONCE
+    jobs: Iterable[Waiting], on_result: ResultCallback, *, mode: str = apply.JobMode.APPLY, at_once: int = AT_ONCE
 ) -> None:
     """Converge every device like `run`, and keep nothing: `told` gets each result as soon as it exists."""
-    await _all([(job, on_result) for job in jobs], JobMode(mode), at_once, None)
+    await _all([(job, on_result) for job in jobs], apply.JobMode(mode), at_once, None)
 
 
-def _waiting(job: DeviceJob | Pair) -> Waiting:
+def _waiting(job: apply.DeviceJob | Pair) -> Waiting:
     if isinstance(job, Pair):
         return Waiting(job.near.name, partial(_itself, job), job.far.name)
     return Waiting(job.name, partial(_itself, job))
 
 
-def _itself(job: DeviceJob | Pair) -> DeviceJob | Pair:
+def _itself(job: apply.DeviceJob | Pair) -> apply.DeviceJob | Pair:
     return job
 
 
 async def _all(
-    turns: Sequence[tuple[Waiting, ResultCallback]], mode: JobMode, at_once: int, on_result: ResultCallback | None
+    turns: Sequence[tuple[Waiting, ResultCallback]], mode: apply.JobMode, at_once: int, on_result: ResultCallback | None
 ) -> None:
     room = _Room(at_once)
     ways = {name for job, _ in turns for name in job.after}
@@ -91,14 +91,14 @@ async def _all(
     for (job, output), task in zip(turns, tasks, strict=True):
         if task.cancelled():
             for name in _names(job):
-                output(stopped_before_turn(name))
+                output(apply.stopped_before_turn(name))
         else:
             task.result()
 
 
 async def _device(  # noqa: PLR0913, PLR0917 - one call, from one place
     job: Waiting,
-    mode: JobMode,
+    mode: apply.JobMode,
     room: _Room,
     over: Mapping[str, asyncio.Event],
     report: ResultCallback,
@@ -145,15 +145,17 @@ def _names(job: Waiting) -> tuple[str, ...]:
     return (job.name,) if job.other is None else (job.name, job.other)
 
 
-async def _converge(waiting: Waiting, mode: JobMode) -> tuple[DeviceResult, ...]:
+async def _converge(waiting: Waiting, mode: apply.JobMode) -> tuple[apply.DeviceResult, ...]:
     try:
         job = waiting.make()
     except NetcfgError as refusal:
-        status = Status.LEFT_AS_FOUND
-        return tuple(DeviceResult(name, status, refusal.exit, str(refusal), refusal.hint) for name in _names(waiting))
+        status = apply.Status.LEFT_AS_FOUND
+        return tuple(
+            apply.DeviceResult(name, status, refusal.exit, str(refusal), refusal.hint) for name in _names(waiting)
+        )
     if isinstance(job, Pair):
         return await converge_pair(job, mode=mode)
-    return (await converge(job, mode=mode),)
+    return (await apply.converge(job, mode=mode),)
 
 
 async def _finish(tasks: list[asyncio.Task[None]]) -> None:

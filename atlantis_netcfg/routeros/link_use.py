@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._items import DesiredState, RowItem, RunTime
+from atlantis_netcfg.routeros import _items
 from atlantis_netcfg.routeros.menus import MARK
 from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
 from atlantis_netcfg.routeros.scheduler_jobs import USE
@@ -38,7 +38,7 @@ SETTLED_S = 120
 _STARTING, _IN_USE, _HOLDING = "4", "5", "6"
 _OVERRIDES = frozenset({_STARTING, _IN_USE, _HOLDING})
 _DEFAULT = "0.0.0.0/0"
-_JOB_STEP = RunTime(ROUTES, "distance", _STARTING, _IN_USE)
+_JOB_STEP = _items.RunTime(ROUTES, "distance", _STARTING, _IN_USE)
 """What the first run of the job changes."""
 _NOT_PROBED = ", not probed"
 _STAMP = "%Y-%m-%d %H:%M"
@@ -88,7 +88,7 @@ def in_use(rows: Iterable[Row]) -> LinkUse | None:
     return None
 
 
-def allow_link_use(desired_state: DesiredState, observation: Observation) -> DesiredState:
+def allow_link_use(desired_state: _items.DesiredState, observation: Observation) -> _items.DesiredState:
     """Return what is declared, and that the routes of a link in use are where its job has put them.
 
     Without the job they are not: then their distances are drift that a run corrects. `start_use` and `end_use` set
@@ -101,19 +101,19 @@ def allow_link_use(desired_state: DesiredState, observation: Observation) -> Des
     return replace(desired_state, run_time=(*lasting, *dict.fromkeys(_run_time(desired_state, use.link))))
 
 
-def _run_time(desired_state: DesiredState, link: str) -> Iterator[RunTime]:
+def _run_time(desired_state: _items.DesiredState, link: str) -> Iterator[_items.RunTime]:
     for item in _routes(desired_state, link):
         for distance in _distances(item):
-            yield RunTime(ROUTES, "distance", item.defined_values["distance"], distance, temporary=True)
+            yield _items.RunTime(ROUTES, "distance", item.defined_values["distance"], distance, temporary=True)
         if _is_unwatched(item):
-            yield RunTime(ROUTES, "check-gateway", "none", "arp", temporary=True)
+            yield _items.RunTime(ROUTES, "check-gateway", "none", "arp", temporary=True)
 
 
-def without_use(saved_state: DesiredState, desired_state: DesiredState) -> DesiredState:
+def without_use(saved_state: _items.DesiredState, desired_state: _items.DesiredState) -> _items.DesiredState:
     """Return a saved state without the distances of a use that was in force when it was saved: its job is long gone."""
     distances = {item.identity: item.defined_values.get("distance") for item in _routes(desired_state)}
 
-    def reset_distance(item: RowItem) -> RowItem:
+    def reset_distance(item: _items.RowItem) -> _items.RowItem:
         distance = distances.get(item.identity)
         overridden = distance is not None and item.values.get("distance") in _OVERRIDES
         return replace(item, values={**item.values, "distance": distance}) if overridden else item
@@ -124,8 +124,8 @@ def without_use(saved_state: DesiredState, desired_state: DesiredState) -> Desir
 
 
 def start_use(
-    desired_state: DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]
-) -> DesiredState:
+    desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]
+) -> _items.DesiredState:
     """Return the routes and the job of a link in use; of another link that was in use, its declared distances.
 
     `addresses`: link to the router's own address on it, for all links of the site.
@@ -142,7 +142,7 @@ def start_use(
     return replace(
         desired_state,
         source=f"the use of {use.link}",
-        items={SCHEDULER: (RowItem(SCHEDULER, dict(values)),), ROUTES: routes},
+        items={SCHEDULER: (_items.RowItem(SCHEDULER, dict(values)),), ROUTES: routes},
         entire=frozenset(),
         undeclared_values={},
         partial=frozenset({SCHEDULER, ROUTES}),
@@ -151,7 +151,7 @@ def start_use(
     )
 
 
-def _run_time_begun(desired_state: DesiredState, link: str) -> Iterator[RunTime]:
+def _run_time_begun(desired_state: _items.DesiredState, link: str) -> Iterator[_items.RunTime]:
     """What netwatch and the job make of the routes of a link in use."""
     yield _JOB_STEP
     for item in _routes(desired_state, link):
@@ -160,7 +160,7 @@ def _run_time_begun(desired_state: DesiredState, link: str) -> Iterator[RunTime]
                 yield replace(each, declared_value=_distances(item)[0])
 
 
-def end_use(desired_state: DesiredState) -> DesiredState:
+def end_use(desired_state: _items.DesiredState) -> _items.DesiredState:
     """Return the declared distances of all links, and no job: it is removed with them."""
     return replace(
         desired_state,
@@ -174,17 +174,17 @@ def end_use(desired_state: DesiredState) -> DesiredState:
     )
 
 
-def is_order(desired_state: DesiredState) -> bool:
+def is_order(desired_state: _items.DesiredState) -> bool:
     """Tell whether a text is about routes and jobs alone, as those of `start_use` and `end_use` are."""
     return {ROUTES, SCHEDULER}.issuperset(desired_state.menus)
 
 
-def links_of(desired_state: DesiredState) -> tuple[str, ...]:
+def links_of(desired_state: _items.DesiredState) -> tuple[str, ...]:
     """Return the links that have default routes, in their order."""
     return tuple(dict.fromkeys(map(_link, _routes(desired_state))))
 
 
-def _routes(desired_state: DesiredState, link: str | None = None) -> tuple[RowItem, ...]:
+def _routes(desired_state: _items.DesiredState, link: str | None = None) -> tuple[_items.RowItem, ...]:
     """Return the default routes of the main table by which links are chosen."""
     return tuple(
         item
@@ -196,30 +196,30 @@ def _routes(desired_state: DesiredState, link: str | None = None) -> tuple[RowIt
     )
 
 
-def _link(item: RowItem) -> str:
+def _link(item: _items.RowItem) -> str:
     """The comment of such a route is `atlantis: LINK, …`."""
     return item.defined_values["comment"].removeprefix(f"{MARK}: ").partition(",")[0]
 
 
-def _is_unjudged(item: RowItem) -> bool:
+def _is_unjudged(item: _items.RowItem) -> bool:
     return item.defined_values["comment"].endswith(_NOT_PROBED)
 
 
-def _is_unwatched(item: RowItem) -> bool:
+def _is_unwatched(item: _items.RowItem) -> bool:
     """Tell whether nothing is declared that would notice a dead box at this end."""
     return _is_unjudged(item) and "check-gateway" not in item.defined_values
 
 
-def _is_holding(item: RowItem) -> bool:
+def _is_holding(item: _items.RowItem) -> bool:
     return int(item.defined_values["distance"]) % 10 == 1
 
 
-def _distances(item: RowItem) -> tuple[str, ...]:
+def _distances(item: _items.RowItem) -> tuple[str, ...]:
     """What a route of a link in use has instead of its declared distance: at first, and later."""
     return (_HOLDING,) if _is_holding(item) else (_STARTING, _IN_USE)
 
 
-def _build_route_item(item: RowItem, *, in_use: bool) -> RowItem:
+def _build_route_item(item: _items.RowItem, *, in_use: bool) -> _items.RowItem:
     """Return the row as it has to be: it is there already, and nothing else of it is looked at.
 
     A link that netwatch does not judge is watched by ARP while it is in use, which asks its box at this end alone.
@@ -227,10 +227,10 @@ def _build_route_item(item: RowItem, *, in_use: bool) -> RowItem:
     check = "arp" if in_use and _is_unjudged(item) else item.defined_values.get("check-gateway")
     distance = _distances(item)[0] if in_use else item.defined_values["distance"]
     values = {**{name: item.values[name] for name in ("dst-address", "gateway")}, "distance": distance}
-    return RowItem(ROUTES, {**values, "check-gateway": check}, item.line, exists=True)
+    return _items.RowItem(ROUTES, {**values, "check-gateway": check}, item.line, exists=True)
 
 
-def _script(desired_state: DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> str:
+def _script(desired_state: _items.DesiredState, use: LinkUse, since_uptime_s: int, addresses: Mapping[str, str]) -> str:
     """Return what the job does each time: end the use, or see that the link has the first place.
 
     A link that was left and is good again has its declared distance from netwatch, and gets the first place back.

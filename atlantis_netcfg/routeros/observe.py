@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Facts, Observation, PortCounts, Row, is_bare
-from atlantis_netcfg.routeros.api import WINDOW, Command, Endpoint, Reply
+from atlantis_netcfg.routeros import _types, api, pin
 from atlantis_netcfg.routeros.menus import MARK, MENUS, Menu, Shape
-from atlantis_netcfg.routeros.pin import LTE, MONITOR, STATUS_FIELDS, monitor_of
 from atlantis_netcfg.routeros.safe_mode import READ, Holder
 from atlantis_netcfg.routeros.scheduler_jobs import READ_JOBS
 
@@ -29,19 +27,19 @@ if TYPE_CHECKING:
 
 
 _UPTIME = re.compile(r"(?:(\d+)w)?(?:(\d+)d)?(?:(\d+)h)?(?:(\d+)m)?(?:(\d+)s)?")
-_UPTIME_ONLY: Final = Command("/system/resource/print", ((".proplist", "uptime"),))
+_UPTIME_ONLY: Final = api.Command("/system/resource/print", ((".proplist", "uptime"),))
 _UNITS: Final = (604_800, 86_400, 3_600, 60, 1)
 
 
-def counting(ports: Sequence[str]) -> Command:
+def counting(ports: Sequence[str]) -> api.Command:
     """The command that reads the counters of these ports, one or more; a port is its socket, whatever its name is."""
     first, *others = ports
     either = [word for port in others for word in (f"?default-name={port}", "?#|")]
     properties = (".proplist", "default-name,rx-byte,tx-byte")
-    return Command("/interface/print", (properties,), (f"?default-name={first}", *either))
+    return api.Command("/interface/print", (properties,), (f"?default-name={first}", *either))
 
 
-def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[Command], list[Command]]:
+def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[api.Command], list[api.Command]]:
     """What to send before and behind `beside` other sentences: only as much as their round trips have room for.
 
     `window`: sentences in flight at once.
@@ -55,12 +53,12 @@ def looks(ports: Sequence[str], beside: int, window: int) -> tuple[list[Command]
     return ([look] if room > 1 else []), [look]
 
 
-def closing(ports: Sequence[str]) -> list[Command]:
+def closing(ports: Sequence[str]) -> list[api.Command]:
     """A look beside the last sentences of a run, which have room for it: counters and uptime, for `read_counts`."""
     return [counting(ports), _UPTIME_ONLY] if ports else []
 
 
-def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:
+def read_counts(reply: api.Reply, resource: api.Reply) -> _types.PortCounts | None:
     """Read an answer; None if the device refused it or knows none of the ports.
 
     Manual, CLI reference, `/interface`: `rx-byte`, `tx-byte`.
@@ -73,7 +71,7 @@ def read_counts(reply: Reply, resource: Reply) -> PortCounts | None:
     if reply.trap is not None or not ports:
         return None
     uptime = resource.rows[0].get("uptime", "") if resource.rows else ""
-    return PortCounts(datetime.now(UTC), seconds(uptime), ports)
+    return _types.PortCounts(datetime.now(UTC), seconds(uptime), ports)
 
 
 def seconds(interval: str) -> float | None:
@@ -84,10 +82,10 @@ def seconds(interval: str) -> float | None:
     return float(sum(int(digits) * unit for digits, unit in zip(match.groups(), _UNITS, strict=True) if digits))
 
 
-_RESOURCE = Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
-_DEVICE_MODE = Command("/system/device-mode/print")
-_ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
-_HISTORY = Command("/system/history/print", (("count-only", ""),))
+_RESOURCE = api.Command("/system/resource/print", ((".proplist", "version,board-name,architecture-name,uptime"),))
+_DEVICE_MODE = api.Command("/system/device-mode/print")
+_ACTIVE = api.Command("/user/active/print", ((".proplist", "name,address,via"),))
+_HISTORY = api.Command("/system/history/print", (("count-only", ""),))
 _IDENTITY, _USER, _GROUP = "/system/identity", "/user", "/user/group"
 CERTIFICATES: Final = "/certificate"
 LATER = (CERTIFICATES, _USER, _GROUP)
@@ -132,12 +130,12 @@ class MenuMissing(DeviceError):
 class _Preflight:
     """The answers about the device itself."""
 
-    resource: Reply
-    safe_mode: Reply
-    active: Reply
-    history: Reply
-    jobs: Reply
-    device_mode: Reply = field(default_factory=Reply)
+    resource: api.Reply
+    safe_mode: api.Reply
+    active: api.Reply
+    history: api.Reply
+    jobs: api.Reply
+    device_mode: api.Reply = field(default_factory=api.Reply)
 
 
 # Last, so that who holds safe mode is the latest that is known.
@@ -148,13 +146,13 @@ _AGAIN = 2
 
 async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known already
     session: Channel,
-    endpoint: Endpoint,
+    endpoint: api.Endpoint,
     required_menus: Sequence[str],
     looked_at: Sequence[str] = (),
     counted_ports: Sequence[str] = (),
-    known_facts: Facts | None = None,
+    known_facts: _types.Facts | None = None,
     brief: Collection[str] = (),
-) -> Observation:
+) -> _types.Observation:
     """Read facts and menus. `required_menus` must be there, `looked_at` are read where the device has them.
 
     What our user may do, and what device-mode forbids, is told if users and groups are among them.
@@ -172,9 +170,9 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     counted_menus = [path for path in menus if path in brief]
     reading = [replace(printing(path), queries=_OURS) if path in brief else printing(path) for path in menus]
     commands = [*reading, *map(counting_rows, counted_menus), *about]
-    modem = [MONITOR] if LTE in required_menus else []
+    modem = [pin.MONITOR] if pin.LTE in required_menus else []
     commands = [*modem, *commands]
-    first, last = looks(counted_ports, len(commands), WINDOW if modem else endpoint.window)
+    first, last = looks(counted_ports, len(commands), api.WINDOW if modem else endpoint.window)
     replies = await session.flight([*first, *commands, *last])
     counters = [*replies[: len(first)], *replies[len(replies) - len(last) :]]
     replies = replies[len(first) : len(first) + len(commands)]
@@ -182,7 +180,7 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
     answers = dict(zip(menus, replies, strict=False))
     numbers = dict(zip(counted_menus, replies[len(menus) :], strict=False))
     replies = [*replies[: len(menus)], *replies[len(menus) + len(counted_menus) :]]
-    silent = [Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
+    silent = [api.Reply()] * (len(_PREFLIGHT) + len(menus) - len(replies))
     preflight = _Preflight(*replies[len(menus) :], *silent)
     rows = {path: _rows(path, reply, is_required=path in required_menus) for path, reply in answers.items()}
     version = _version(preflight.resource.check())
@@ -208,19 +206,19 @@ async def observe(  # noqa: PLR0913, PLR0917 - what to read, and what is known a
         )
         facts = facts if is_requested else replace(facts, policies=known_facts.policies)
     found_counts = tuple(each for each in counts if each is not None)
-    monitor = monitor_of(present_rows.get(LTE, ()))
-    modem_now = modem_row(result[0] if monitor == MONITOR else await session.command(monitor)) if result else None
+    monitor = pin.monitor_of(present_rows.get(pin.LTE, ()))
+    modem_now = modem_row(result[0] if monitor == pin.MONITOR else await session.command(monitor)) if result else None
     uptime_s = seconds(_first(preflight.resource).get("uptime", ""))
-    return Observation(facts, present_rows, found_counts, modem_now, preflight.jobs.check().rows, uptime_s)
+    return _types.Observation(facts, present_rows, found_counts, modem_now, preflight.jobs.check().rows, uptime_s)
 
 
 async def read_back(
     session: Channel,
-    endpoint: Endpoint,
-    observation: Observation,
+    endpoint: api.Endpoint,
+    observation: _types.Observation,
     touched_menus: Collection[str],
     counted_ports: Sequence[str] = (),
-) -> Observation:
+) -> _types.Observation:
     """Read the device after a change of menus that nothing else follows (`LEAVES`): these in full, counts of the rest.
 
     A menu whose number of rows differs from `observation` is read, too. What somebody else has set meanwhile in another
@@ -248,35 +246,39 @@ async def read_back(
         observation.facts, version=_version(resource.check()), safe_mode_owner=Holder.of(holder).who or None
     )
     counts = (read_counts(reply, resource) for reply in counters)
-    return Observation(facts, current.rows, tuple(each for each in counts if each is not None), observation.modem)
+    return _types.Observation(
+        facts, current.rows, tuple(each for each in counts if each is not None), observation.modem
+    )
 
 
 async def _others(
-    session: Channel, ours: Mapping[str, Sequence[Row]], numbers: Mapping[str, Reply]
-) -> dict[str, tuple[Row, ...]]:
+    session: Channel, ours: Mapping[str, Sequence[_types.Row]], numbers: Mapping[str, api.Reply]
+) -> dict[str, tuple[_types.Row, ...]]:
     """Return the menus that have other rows than ours: whole, or with these bare where they are very many."""
     number = {path: number_of_rows(numbers[path]) for path in ours}
     more = {path: len(rows) for path, rows in ours.items() if number[path] != len(rows)}
-    bare = [path for path, few in more.items() if (number[path] or 0) - few > FEW_FOREIGN]
+    bare = [path for path, few in more.items() if (number[path] or 0) - few > _types.FEW_FOREIGN]
     reading = {path: _bare(path) if path in bare else printing(path) for path in more}
     answers = await session.flight(list(reading.values())) if reading else ()
     rows_by_menu = {path: reply.check().rows for path, reply in zip(reading, answers, strict=True)}
     return {path: _together(rows, ours[path]) if path in bare else rows for path, rows in rows_by_menu.items()}
 
 
-def _bare(path: str) -> Command:
-    return Command(f"{path}/print", ((".proplist", ".id"),))
+def _bare(path: str) -> api.Command:
+    return api.Command(f"{path}/print", ((".proplist", ".id"),))
 
 
-def _together(rows: Sequence[Row], known_rows: Iterable[Row]) -> tuple[Row, ...]:
+def _together(rows: Sequence[_types.Row], known_rows: Iterable[_types.Row]) -> tuple[_types.Row, ...]:
     """Return `rows` with what is known of them."""
     by_id = {row[".id"]: row for row in known_rows}
     return tuple(by_id.get(row[".id"], row) for row in rows)
 
 
-def samples(observation: Observation) -> dict[str, Command]:
+def samples(observation: _types.Observation) -> dict[str, api.Command]:
     """Return by menu what reads a few of its bare rows, so that a person sees whose they are: the last ones."""
-    bare = {path: [row[".id"] for row in rows if is_bare(row)][-_SAMPLES:] for path, rows in observation.rows.items()}
+    bare = {
+        path: [row[".id"] for row in rows if _types.is_bare(row)][-_SAMPLES:] for path, rows in observation.rows.items()
+    }
     either = {
         path: [f"?.id={first}", *(word for each in more for word in (f"?.id={each}", "?#|"))]
         for path, (first, *more) in ((path, ids) for path, ids in bare.items() if ids)
@@ -284,7 +286,9 @@ def samples(observation: Observation) -> dict[str, Command]:
     return {path: replace(printing(path), queries=tuple(words)) for path, words in either.items()}
 
 
-def with_rows(observation: Observation, menus: Iterable[str], replies: Iterable[Reply]) -> Observation:
+def with_rows(
+    observation: _types.Observation, menus: Iterable[str], replies: Iterable[api.Reply]
+) -> _types.Observation:
     """Return the observation with what was read of bare rows since."""
     fresh = {
         path: _together(observation.rows[path], reply.check().rows) for path, reply in zip(menus, replies, strict=True)
@@ -292,31 +296,31 @@ def with_rows(observation: Observation, menus: Iterable[str], replies: Iterable[
     return replace(observation, rows={**observation.rows, **fresh})
 
 
-async def read_bare(session: Channel, observation: Observation) -> Observation:
+async def read_bare(session: Channel, observation: _types.Observation) -> _types.Observation:
     """Return the observation with the menus whole of which rows were read bare."""
-    menus = [path for path, rows in observation.rows.items() if any(map(is_bare, rows))]
+    menus = [path for path, rows in observation.rows.items() if any(map(_types.is_bare, rows))]
     replies = await session.flight([*map(printing, menus)])
     fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
     return replace(observation, rows={**observation.rows, **fresh})
 
 
-def counting_rows(path: str) -> Command:
+def counting_rows(path: str) -> api.Command:
     """Return the command that counts the rows of a menu that `printing` asks for."""
-    return Command(f"{path}/print", (("count-only", ""),), _FOLLOWING.get(path, ()))
+    return api.Command(f"{path}/print", (("count-only", ""),), _FOLLOWING.get(path, ()))
 
 
-def number_of_rows(reply: Reply) -> int | None:
+def number_of_rows(reply: api.Reply) -> int | None:
     """Read the answer to `counting_rows`; None if the device has not counted. Assumption: api-count-only."""
     return int(reply.ret) if reply.trap is None and reply.ret is not None and reply.ret.isdecimal() else None
 
 
 async def complete_observation(
     session: Channel,
-    endpoint: Endpoint,
-    observation: Observation,
-    beside: Sequence[Command] = (),
+    endpoint: api.Endpoint,
+    observation: _types.Observation,
+    beside: Sequence[api.Command] = (),
     later: Iterable[str] = LATER,
-) -> tuple[Observation, list[Reply]]:
+) -> tuple[_types.Observation, list[api.Reply]]:
     """Return the observation with what is read `later`, and device-mode; menus that are there are not asked again.
 
     `beside` goes in the same round trip; its answers come second.
@@ -331,26 +335,28 @@ async def complete_observation(
     return replace(observation, facts=facts, rows=rows), answers
 
 
-def modem_row(reply: Reply) -> Row | None:
+def modem_row(reply: api.Reply) -> _types.Row | None:
     """Return what a modem says of its SIM, without the numbers that name it; None: the device has no modem."""
     if reply.trap is not None or not reply.rows:
         return None
-    return {name: value for name, value in reply.rows[0].items() if name in STATUS_FIELDS}
+    return {name: value for name, value in reply.rows[0].items() if name in pin.STATUS_FIELDS}
 
 
-def merge_menus(observation: Observation, menus: Sequence[str], replies: Sequence[Reply]) -> Observation:
+def merge_menus(
+    observation: _types.Observation, menus: Sequence[str], replies: Sequence[api.Reply]
+) -> _types.Observation:
     """Return an observation with some menus as they were read since."""
     fresh = {path: _configuration_rows(path, reply.check()) for path, reply in zip(menus, replies, strict=True)}
-    return Observation(observation.facts, {**observation.rows, **fresh}, modem=observation.modem)
+    return _types.Observation(observation.facts, {**observation.rows, **fresh}, modem=observation.modem)
 
 
-def printing(path: str) -> Command:
+def printing(path: str) -> api.Command:
     """Return the command that reads a menu. Settings are asked for whole: their names cost more than their values."""
     menu = MENUS[path]
     whole = menu.shape is Shape.SINGLETON or path in WHOLE
     arguments = () if whole else ((".proplist", ",".join((".id", *_properties(menu)))),)
     arguments = (*arguments, ("config", "")) if menu.has_config_view else arguments
-    return Command(f"{path}/print", arguments, _FOLLOWING.get(path, ()))
+    return api.Command(f"{path}/print", arguments, _FOLLOWING.get(path, ()))
 
 
 def _properties(menu: Menu) -> tuple[str, ...]:
@@ -362,7 +368,7 @@ def _properties(menu: Menu) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*readable, *menu.flags)))
 
 
-def _configuration_rows(path: str, reply: Reply) -> tuple[Row, ...]:
+def _configuration_rows(path: str, reply: api.Reply) -> tuple[_types.Row, ...]:
     """Return the rows, of settings without what nobody asked for: clocks and counters are no configuration."""
     menu = MENUS[path]
     if menu.shape is not Shape.SINGLETON and menu.path not in WHOLE:
@@ -377,7 +383,7 @@ def _configuration_rows(path: str, reply: Reply) -> tuple[Row, ...]:
     return tuple({name: row[name] for name in names if name in row} for row in reply.rows)
 
 
-def _rows(path: str, reply: Reply, *, is_required: bool) -> tuple[Row, ...] | None:
+def _rows(path: str, reply: api.Reply, *, is_required: bool) -> tuple[_types.Row, ...] | None:
     """Return the rows, or None if the device has no such menu, or keeps one from us that we can do without."""
     silent = _MISSING if is_required else (*_MISSING, _FORBIDDEN)
     if reply.trap is not None and reply.trap.message.startswith(silent):
@@ -385,7 +391,7 @@ def _rows(path: str, reply: Reply, *, is_required: bool) -> tuple[Row, ...] | No
     return _configuration_rows(path, reply.check())
 
 
-def _version(resource: Reply) -> Version:
+def _version(resource: api.Reply) -> Version:
     text = _first(resource).get("version", "")
     try:
         return Version.parse(text)
@@ -395,14 +401,14 @@ def _version(resource: Reply) -> Version:
 
 def _facts(
     preflight: _Preflight,
-    endpoint: Endpoint,
+    endpoint: api.Endpoint,
     version: Version,
-    rows: Mapping[str, Sequence[Row]],
+    rows: Mapping[str, Sequence[_types.Row]],
     *,
     is_requested: bool,
-) -> Facts:
+) -> _types.Facts:
     resource = _first(preflight.resource)
-    return Facts(
+    return _types.Facts(
         identity=_first_of(rows.get(_IDENTITY, ())).get("name", ""),
         version=version,
         board=resource.get("board-name", ""),
@@ -417,22 +423,22 @@ def _facts(
     )
 
 
-def _first(reply: Reply) -> Row:
+def _first(reply: api.Reply) -> _types.Row:
     return _first_of(reply.rows)
 
 
-def _first_of(rows: Sequence[Row]) -> Row:
+def _first_of(rows: Sequence[_types.Row]) -> _types.Row:
     return rows[0] if rows else {}
 
 
-def _policies(user: str, rows: Mapping[str, Sequence[Row]]) -> frozenset[str]:
+def _policies(user: str, rows: Mapping[str, Sequence[_types.Row]]) -> frozenset[str]:
     """Return what our user's group may do; nothing if the device does not tell (a user of RADIUS, for instance)."""
     group = next((row.get("group") for row in rows.get(_USER, ()) if row.get("name") == user), None)
     policy = next((row.get("policy", "") for row in rows.get(_GROUP, ()) if row.get("name") == group), "")
     return frozenset(word for word in policy.split(",") if word and not word.startswith("!"))
 
 
-def _session_address(active: Reply, endpoint: Endpoint) -> str:
+def _session_address(active: api.Reply, endpoint: api.Endpoint) -> str:
     """Return the address of the newest API session of our user: the list grows at its end, and ours is the newest.
 
     Assumption: api-sessions-newest-last
@@ -441,5 +447,5 @@ def _session_address(active: Reply, endpoint: Endpoint) -> str:
     return ours[-1].get("address", "") if ours else ""
 
 
-def _count(reply: Reply) -> int:
+def _count(reply: api.Reply) -> int:
     return int(reply.ret) if reply.ret is not None and reply.ret.isdecimal() else 0

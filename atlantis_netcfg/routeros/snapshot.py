@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros import rsc
 from atlantis_netcfg.routeros.desired import from_export
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, PropertyKind, Shape, canonical, rank
-from atlantis_netcfg.routeros.rsc import Export, Statement, parse, print_export
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -47,12 +47,12 @@ def write(device: str, desired_state: DesiredState, observation: Observation) ->
         f"by RouterOS {facts.version}",
         f"model = {facts.board}",
     )
-    return print_export(Export(header, tuple(statements), tuple(menu.path for menu in menus)))
+    return rsc.print_export(rsc.Export(header, tuple(statements), tuple(menu.path for menu in menus)))
 
 
 def read(text: str, source: str) -> DesiredState:
     """Read a state as something to declare: its menus, each of them entirely. Raises RscError."""
-    menus = [path for path in parse(text, source).menus if path in MENUS]
+    menus = [path for path in rsc.parse(text, source).menus if path in MENUS]
     return from_export(text, menus, source)
 
 
@@ -85,11 +85,11 @@ def _used(rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
                 )
 
 
-def _statement(menu: Menu, row: Row, declared_names: frozenset[str], used: frozenset[str]) -> Iterator[Statement]:
+def _statement(menu: Menu, row: Row, declared_names: frozenset[str], used: frozenset[str]) -> Iterator[rsc.Statement]:
     """Yield the statement that sets the row; none for settings and given rows that are at their defaults."""
     values = dict(_values(menu, row, declared_names))
     if menu.shape is Shape.LIST and not menu.is_stock(row):
-        yield Statement(menu.path, "add", tuple(values.items()))
+        yield rsc.Statement(menu.path, "add", tuple(values.items()))
         return
     keys = {key: row.get(key, "") for key in menu.keys}
     if menu.shape is Shape.FIXED and "name" not in menu.keys and row.get("name") in used:
@@ -97,7 +97,7 @@ def _statement(menu: Menu, row: Row, declared_names: frozenset[str], used: froze
         values["name"] = row["name"]
     changed_values = tuple((name, value) for name, value in values.items() if name not in keys)
     if changed_values:
-        yield Statement(menu.path, "set", changed_values, find=tuple(keys.items()) or None)
+        yield rsc.Statement(menu.path, "set", changed_values, find=tuple(keys.items()) or None)
 
 
 def _values(menu: Menu, row: Row, declared_names: frozenset[str]) -> Iterator[tuple[str, str | None]]:

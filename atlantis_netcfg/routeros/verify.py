@@ -16,11 +16,9 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Command, Endpoint, Reply, Session, SessionLost
+from atlantis_netcfg.routeros import api, pin, safe_mode
 from atlantis_netcfg.routeros.assumptions import ASSUMPTIONS, TRY
 from atlantis_netcfg.routeros.commands import build_completion_query, refusal, script_command
-from atlantis_netcfg.routeros.pin import MODEMS, MONITOR, PinSim, monitor_of, sim_of
-from atlantis_netcfg.routeros.safe_mode import READ, TAKE, UNROLL, ApiSafeMode, Holder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -35,7 +33,7 @@ UNDO_S: Final = 720.0
 _SOON_S: Final = 60.0
 """A device that has heard of the end of a session undoes what it held before that."""
 _MENU: Final = "/ip/dns/static"
-_SAFE_MODE: Final = ApiSafeMode()
+_SAFE_MODE: Final = safe_mode.ApiSafeMode()
 _ISO = re.compile(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d")
 _TIME = re.compile(r"(\d+(\.\d+)?(ms|us|[wdhms]))+|(\d+[wd])*\d\d:\d\d:\d\d(\.\d+)?")
 _SHARE = re.compile(r"\d+(\.\d+)?%?")
@@ -84,20 +82,20 @@ class SeenAnswers:
 class AssumptionCheck:
     """Questions that change nothing, and the judgement of their answers."""
 
-    questions: tuple[Command, ...]
-    judge: Callable[[Sequence[Reply]], Judgement]
+    questions: tuple[api.Command, ...]
+    judge: Callable[[Sequence[api.Reply]], Judgement]
 
 
-def _print(menu: str, properties: str) -> Command:
-    return Command(f"{menu}/print", ((".proplist", properties),))
+def _print(menu: str, properties: str) -> api.Command:
+    return api.Command(f"{menu}/print", ((".proplist", properties),))
 
 
-def _refusal_text(reply: Reply) -> str | None:
+def _refusal_text(reply: api.Reply) -> str | None:
     """The device's words, if it has refused the question."""
     return None if reply.trap is None else f"refused: {reply.trap.message}"
 
 
-def _unknown_property(replies: Sequence[Reply]) -> Judgement:
+def _unknown_property(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     words = _refusal_text(reply)
     if words is not None:
@@ -107,7 +105,7 @@ def _unknown_property(replies: Sequence[Reply]) -> Judgement:
     return Verdict.FAIL, f"{len(reply.rows)} rows, not one with the known property alone"
 
 
-def _judge_count(replies: Sequence[Reply]) -> Judgement:
+def _judge_count(replies: Sequence[api.Reply]) -> Judgement:
     number, list_reply = replies
     words = _refusal_text(number)
     if words is not None or number.ret is None or not number.ret.isdecimal():
@@ -130,7 +128,7 @@ def _order(rows: Sequence[Row], moment: str) -> Verdict | None:
     return None
 
 
-def _sessions(replies: Sequence[Reply]) -> Judgement:
+def _sessions(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -140,7 +138,7 @@ def _sessions(replies: Sequence[Reply]) -> Judgement:
     return order, f"{len(reply.rows)} sessions, {'oldest' if order is Verdict.PASS else 'newest'} first"
 
 
-def _history_order(replies: Sequence[Reply]) -> Judgement:
+def _history_order(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -153,7 +151,7 @@ def _history_order(replies: Sequence[Reply]) -> Judgement:
     return verdict, f"{len(reply.rows)} entries, {'newest' if verdict is Verdict.PASS else 'oldest'} first"
 
 
-def _history_names(replies: Sequence[Reply]) -> Judgement:
+def _history_names(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(reply))
@@ -166,7 +164,7 @@ def _history_names(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.PASS if naming else Verdict.FAIL), f"{len(naming)} of {len(about)} commands name an .id"
 
 
-def _netwatch(replies: Sequence[Reply]) -> Judgement:
+def _netwatch(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is not None:
         return Verdict.SKIP, str(_refusal_text(reply))
@@ -180,7 +178,7 @@ def _netwatch(replies: Sequence[Reply]) -> Judgement:
 _FROM_B_TO_T = ("?<name=b", "?#!", "?<name=t", "?#&")
 
 
-def _text_order(replies: Sequence[Reply]) -> Judgement:
+def _text_order(replies: Sequence[api.Reply]) -> Judgement:
     every, some = ([row.get("name", "") for row in reply.rows] for reply in replies)
     between = [name for name in every if "b" <= name < "t"]
     if not 0 < len(between) < len(every):
@@ -191,18 +189,18 @@ def _text_order(replies: Sequence[Reply]) -> Judgement:
 _NETWATCH = {"interval": _TIME, "timeout": _TIME, "thr-loss-percent": _SHARE}
 
 
-def _pin_words(replies: Sequence[Reply]) -> Judgement:
+def _pin_words(replies: Sequence[api.Reply]) -> Judgement:
     _, reply = replies
     if reply.trap is not None or not reply.rows:
         return Verdict.SKIP, "no modem is there"
     word = reply.rows[0].get("pin-status")
     if word is None:
         return Verdict.SKIP, "the modem says nothing of a PIN"
-    is_known = sim_of({"pin-status": word}) is not PinSim.UNKNOWN
+    is_known = pin.sim_of({"pin-status": word}) is not pin.PinSim.UNKNOWN
     return (Verdict.PASS if is_known else Verdict.FAIL), f"`{word}`"
 
 
-def _ping(replies: Sequence[Reply]) -> Judgement:
+def _ping(replies: Sequence[api.Reply]) -> Judgement:
     (reply,) = replies
     if reply.trap is None:
         return Verdict.PASS, f"{len(reply.rows)} answers of the device to itself"
@@ -210,12 +208,12 @@ def _ping(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.FAIL if missing else Verdict.INCONCLUSIVE), str(_refusal_text(reply))
 
 
-def _parse(line: str) -> Command:
+def _parse(line: str) -> api.Command:
     """Have the device's parser read a line, which is not executed."""
     return script_command(f':put [:parse "{line}"]')
 
 
-def _judge_refusal(replies: Sequence[Reply]) -> Judgement | None:
+def _judge_refusal(replies: Sequence[api.Reply]) -> Judgement | None:
     """A device without these commands cannot show what they answer."""
     trap = next((reply.trap for reply in replies if reply.trap is not None), None)
     if trap is None:
@@ -228,7 +226,7 @@ _PARSE_LINES = ("/system/identity/print", "/system/identity/set atlantis=no", "/
 """A line that every version takes, one with an unknown argument, one with an unknown menu."""
 
 
-def _parse_words(replies: Sequence[Reply]) -> Judgement:
+def _parse_words(replies: Sequence[api.Reply]) -> Judgement:
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -239,7 +237,7 @@ def _parse_words(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.PASS, f"`{wrong[0]}`") if other is None else (Verdict.FAIL, f"of a wrong line it prints `{other}`")
 
 
-def _parse_nested(replies: Sequence[Reply]) -> Judgement:
+def _parse_nested(replies: Sequence[api.Reply]) -> Judgement:
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -247,7 +245,7 @@ def _parse_nested(replies: Sequence[Reply]) -> Judgement:
     return (Verdict.PASS if text == "atlantis" else Verdict.FAIL), f"the inner script's output is `{text}`"
 
 
-def _ambiguous(replies: Sequence[Reply]) -> Judgement:
+def _ambiguous(replies: Sequence[api.Reply]) -> Judgement:
     """Compare a name that several begin like with one that nobody has: their answers differ in the name at most."""
     judgement = _judge_refusal(replies)
     if judgement is not None:
@@ -266,7 +264,7 @@ _TIMES = 10
 """How often the same list is asked for: over the API a long one loses a word now and then."""
 
 
-def _judge_inspection(replies: Sequence[Reply]) -> Judgement:
+def _judge_inspection(replies: Sequence[api.Reply]) -> Judgement:
     judgement = _judge_refusal(replies)
     if judgement is not None:
         return judgement
@@ -284,18 +282,18 @@ def _judge_inspection(replies: Sequence[Reply]) -> Judgement:
 CHECKS: Final[Mapping[str, AssumptionCheck]] = {
     "api-unknown-property": AssumptionCheck((_print("/system/identity", "name,atlantis-unknown"),), _unknown_property),
     "api-count-only": AssumptionCheck(
-        (Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
+        (api.Command("/ip/service/print", (("count-only", ""),)), _print("/ip/service", ".id")),
         _judge_count,
     ),
     "api-query-order": AssumptionCheck(
         (_print("/ip/service", "name"), replace(_print("/ip/service", "name"), queries=_FROM_B_TO_T)), _text_order
     ),
     "api-sessions-newest-last": AssumptionCheck((_print("/user/active", ".id,when"),), _sessions),
-    "api-ping-path": AssumptionCheck((Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
+    "api-ping-path": AssumptionCheck((api.Command("/tool/ping", (("address", "127.0.0.1"), ("count", "1"))),), _ping),
     "history-names-ids": AssumptionCheck((_print("/system/history", ".id,time,undo,redo"),), _history_names),
     "history-newest-first": AssumptionCheck((_print("/system/history", ".id,time"),), _history_order),
     "netwatch-values": AssumptionCheck((_print("/tool/netwatch", ",".join(_NETWATCH)),), _netwatch),
-    "lte-pin-words": AssumptionCheck((MODEMS, MONITOR), _pin_words),
+    "lte-pin-words": AssumptionCheck((pin.MODEMS, pin.MONITOR), _pin_words),
     "parse-words": AssumptionCheck(tuple(map(_parse, _PARSE_LINES)), _parse_words),
     "parse-nested": AssumptionCheck(
         (script_command(':put [:execute script=":put atlantis" as-string]'),), _parse_nested
@@ -315,7 +313,7 @@ CHECKS: Final[Mapping[str, AssumptionCheck]] = {
 _RESOURCE = _print("/system/resource", "version,board-name,architecture-name")
 
 
-async def read(endpoint: Endpoint) -> SeenAnswers:
+async def read(endpoint: api.Endpoint) -> SeenAnswers:
     """Show what can be shown without changing anything, in two sessions. Raises DeviceFailed."""
     narrow: list[bool] = []
 
@@ -323,17 +321,17 @@ async def read(endpoint: Endpoint) -> SeenAnswers:
         narrow.append(True)
         endpoint.on_window_shrink()
 
-    large = replace(endpoint, window=READING_WINDOW, on_window_shrink=on_window_shrink)
+    large = replace(endpoint, window=api.READING_WINDOW, on_window_shrink=on_window_shrink)
     # Both at once, so that the device has two sessions to list.
-    async with await Session.open(endpoint) as session, await Session.open(large) as other:
-        many = await other.flight([_print("/system/identity", ".id")] * READING_WINDOW)
+    async with await api.Session.open(endpoint) as session, await api.Session.open(large) as other:
+        many = await other.flight([_print("/system/identity", ".id")] * api.READING_WINDOW)
         questions = [question for check in CHECKS.values() for question in check.questions]
         resource, *replies = await session.flight([_RESOURCE, *questions])
-        monitor = monitor_of(replies[questions.index(MODEMS)].rows)
-        if monitor != MONITOR:
-            replies[questions.index(MONITOR)] = await session.command(monitor)
+        monitor = pin.monitor_of(replies[questions.index(pin.MODEMS)].rows)
+        if monitor != pin.MONITOR:
+            replies[questions.index(pin.MONITOR)] = await session.command(monitor)
         tls = session.tls_version
-    silent = f"silent with {READING_WINDOW} in flight, answered with {WINDOW}"
+    silent = f"silent with {api.READING_WINDOW} in flight, answered with {api.WINDOW}"
     judgements = {
         "api-flight-100": (Verdict.FAIL, silent) if narrow else (Verdict.PASS, f"{len(many)} answers"),
         "tls-version": (Verdict.PASS if tls == "TLSv1.2" else Verdict.FAIL, tls),
@@ -349,7 +347,7 @@ async def read(endpoint: Endpoint) -> SeenAnswers:
     return SeenAnswers(row.get("version", ""), row.get("board-name", ""), row.get("architecture-name", ""), findings)
 
 
-def _forbidden(reply: Reply) -> bool:
+def _forbidden(reply: api.Reply) -> bool:
     return reply.trap is not None and reply.trap.message.startswith("not enough permissions")
 
 
@@ -368,8 +366,8 @@ def _scratch(name: str) -> tuple[tuple[str, str], ...]:
     )
 
 
-def _add(name: str) -> Command:
-    return Command(f"{_MENU}/add", _scratch(name))
+def _add(name: str) -> api.Command:
+    return api.Command(f"{_MENU}/add", _scratch(name))
 
 
 def _line(name: str) -> str:
@@ -377,8 +375,8 @@ def _line(name: str) -> str:
     return f"/ip dns static add {words}\n"
 
 
-def _scratch_query(menu: str) -> Command:
-    return Command(f"{menu}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
+def _scratch_query(menu: str) -> api.Command:
+    return api.Command(f"{menu}/print", ((".proplist", ".id,name"),), (f"?comment={MARK}",))
 
 
 _SCRATCH_ROWS = _scratch_query(_MENU)
@@ -396,33 +394,33 @@ _SCRIPT_ROWS: Final = 3
 _NOT_TRIED = (Verdict.INCONCLUSIVE, "not tried: the session was lost before")
 
 
-async def try_out(endpoint: Endpoint) -> tuple[AssumptionFinding, ...]:
+async def try_out(endpoint: api.Endpoint) -> tuple[AssumptionFinding, ...]:
     """Show what needs scratch rows. Raises DeviceFailed with the device as it was, OutcomeUnknown if rows are left."""
     judgements: dict[str, Judgement] = dict.fromkeys(TRIES, _NOT_TRIED)
-    async with await Session.open(endpoint) as watcher:
+    async with await api.Session.open(endpoint) as watcher:
         await _refuse(watcher)
         try:
-            with suppress(SessionLost):
+            with suppress(api.SessionLost):
                 await _by_rows(endpoint, watcher, judgements)
             await _clean_up(endpoint)
-            with suppress(SessionLost):
+            with suppress(api.SessionLost):
                 await _by_two(endpoint, watcher, judgements)
-            with suppress(SessionLost):
+            with suppress(api.SessionLost):
                 await _by_close(endpoint, watcher, judgements)
         finally:
             await _clean_up(endpoint)
     return tuple(AssumptionFinding.of(name, judgement) for name, judgement in judgements.items())
 
 
-async def _refuse(session: Session) -> None:
+async def _refuse(session: api.Session) -> None:
     """Refuse where there is no safe mode, somebody holds it, or rows of an earlier try are left."""
-    state, *replies = await session.flight([READ, *_EVERY_MARKED])
+    state, *replies = await session.flight([safe_mode.READ, *_EVERY_MARKED])
     if state.trap is not None:
         raise DeviceError(
             "nothing was tried: this device has no safe mode for the API",
             hint="it came with RouterOS 7.18; without `--try` the device is only read",
         )
-    if Holder.of(state).is_taken:
+    if safe_mode.Holder.of(state).is_taken:
         raise DeviceError(
             "nothing was tried: somebody holds safe mode of this device",
             hint="wait until they have ended, or ten minutes if their link has died; without `--try` it is only read",
@@ -435,20 +433,20 @@ async def _refuse(session: Session) -> None:
         )
 
 
-async def _by_rows(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
+async def _by_rows(endpoint: api.Endpoint, watcher: api.Session, judgements: dict[str, Judgement]) -> None:
     """Add rows by sentences and by scripts under safe mode, and take everything back."""
     before = [row.get(".id") for row in (await watcher.command(_ALL)).check().rows]
-    async with await Session.open(endpoint) as session:
+    async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         try:
-            replies = await session.flight([_add(f"flight-{number}") for number in range(WINDOW)])
-        except SessionLost:
-            judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {WINDOW} writes in flight")
+            replies = await session.flight([_add(f"flight-{number}") for number in range(api.WINDOW)])
+        except api.SessionLost:
+            judgements["api-flight-24"] = (Verdict.FAIL, f"the session was lost with {api.WINDOW} writes in flight")
             raise
         judgements["api-flight-24"] = (Verdict.PASS, f"{len(replies)} answers")
         judgements["api-tagged-order"], ids = _in_order(replies)
         if ids:
-            await session.command(Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
+            await session.command(api.Command(f"{_MENU}/remove", ((".id", f"*{max(ids):X}"),)))
             again = _number((await session.command(_add("again"))).ret)
             has_grown = again is not None and again > max(ids)
             words = "greater than all before" if has_grown else "not greater than all before"
@@ -459,7 +457,7 @@ async def _by_rows(endpoint: Endpoint, watcher: Session, judgements: dict[str, J
         await _by_scripts(session, judgements)
         judgements["name-in-routes"] = await _by_name(session)
         judgements["on-event-60k"] = await _by_job(session)
-        await session.command(UNROLL)
+        await session.command(safe_mode.UNROLL)
     after = [row.get(".id") for row in (await watcher.command(_ALL)).check().rows]
     scratch_rows = (await watcher.command(_SCRATCH_ROWS)).check().rows
     script_rows = [row for row in scratch_rows if row.get("name", "").startswith("script-")]
@@ -475,7 +473,7 @@ def _number(text: str | None) -> int | None:
     return int(text[1:], 16) if text is not None and re.fullmatch(r"\*[0-9A-Fa-f]+", text) else None
 
 
-def _in_order(replies: Sequence[Reply]) -> tuple[Judgement, list[int]]:
+def _in_order(replies: Sequence[api.Reply]) -> tuple[Judgement, list[int]]:
     ids = [_number(reply.ret) for reply in replies]
     known_ids = [each for each in ids if each is not None]
     if len(known_ids) < len(ids):
@@ -486,7 +484,7 @@ def _in_order(replies: Sequence[Reply]) -> tuple[Judgement, list[int]]:
     return (Verdict.PASS if rising else Verdict.FAIL, f"{len(known_ids)} rows were added {words}"), known_ids
 
 
-async def _by_scripts(session: Session, judgements: dict[str, Judgement]) -> None:
+async def _by_scripts(session: api.Session, judgements: dict[str, Judgement]) -> None:
     """Run a script that is right, and one with an error in its middle."""
     before = _ids(await session.command(_HISTORY))
     right = await session.command(_script("".join(_line(f"script-{number}") for number in range(_SCRIPT_ROWS))))
@@ -527,17 +525,17 @@ async def _by_scripts(session: Session, judgements: dict[str, Judgement]) -> Non
 _BEFORE, _AFTER = "atlantis-verify", "atlantis-verified"
 
 
-async def _by_name(session: Session) -> Judgement:
+async def _by_name(session: api.Session) -> Judgement:
     """Give a bridge a new name, and read it where a route names it."""
     bridge = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK))
     route = (("dst-address", "192.0.2.0/24"), ("gateway", _BEFORE), ("disabled", "yes"), ("comment", MARK))
     ids: list[str] = []
     for menu, values in ((_BRIDGE, bridge), (_ROUTE, route)):
-        reply = await session.command(Command(f"{menu}/add", values))
+        reply = await session.command(api.Command(f"{menu}/add", values))
         if reply.trap is not None or reply.ret is None:
             return Verdict.INCONCLUSIVE, _refusal_text(reply) or "no .id was answered"
         ids.append(reply.ret)
-    rename_reply = await session.command(Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
+    rename_reply = await session.command(api.Command(f"{_BRIDGE}/set", ((".id", ids[0]), ("name", _AFTER))))
     if rename_reply.trap is not None:
         return Verdict.INCONCLUSIVE, str(_refusal_text(rename_reply))
     route_reply = await session.command(replace(_print(_ROUTE, "gateway"), queries=(f"?.id={ids[1]}",)))
@@ -549,10 +547,10 @@ ON_EVENT: Final = 60_000
 """Bytes of the largest job that the engine writes."""
 
 
-async def _by_job(session: Session) -> Judgement:
+async def _by_job(session: api.Session) -> Judgement:
     """Add a long job that never runs, and read what the device has kept of it."""
     words = (("name", _BEFORE), ("disabled", "yes"), ("comment", MARK), ("on-event", "#" * ON_EVENT))
-    add_reply = await session.command(Command(f"{_JOB}/add", words))
+    add_reply = await session.command(api.Command(f"{_JOB}/add", words))
     if add_reply.trap is not None:
         return Verdict.FAIL, str(_refusal_text(add_reply))
     job_reply = await session.command(replace(_print(_JOB, "on-event"), queries=(f"?comment={MARK}",)))
@@ -564,24 +562,24 @@ async def _by_job(session: Session) -> Judgement:
     ), f"of {ON_EVENT:,} bytes it has kept {stored_bytes:,}"
 
 
-def _ids(reply: Reply) -> set[str]:
+def _ids(reply: api.Reply) -> set[str]:
     return {row[".id"] for row in reply.rows if ".id" in row}
 
 
-def _script(text: str) -> Command:
-    return Command("/execute", (("script", text), ("as-string", "")))
+def _script(text: str) -> api.Command:
+    return api.Command("/execute", (("script", text), ("as-string", "")))
 
 
-async def _by_two(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
+async def _by_two(endpoint: api.Endpoint, watcher: api.Session, judgements: dict[str, Judgement]) -> None:
     """Let a second session take safe mode from the first, which has changed nothing."""
-    async with await Session.open(endpoint) as session:
+    async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
-        second = await watcher.command(TAKE)
+        second = await watcher.command(safe_mode.TAKE)
         still, watcher_holds = (await _SAFE_MODE.look(session)).ours, (await _SAFE_MODE.look(watcher)).ours
         if watcher_holds:
-            await watcher.command(UNROLL)
+            await watcher.command(safe_mode.UNROLL)
         elif still:
-            await session.command(UNROLL)
+            await session.command(safe_mode.UNROLL)
     if second.trap is not None and still and not watcher_holds:
         judgements["safe-mode-second-taker"] = (Verdict.PASS, f"`{second.trap.message}`")
     else:
@@ -593,9 +591,9 @@ async def _by_two(endpoint: Endpoint, watcher: Session, judgements: dict[str, Ju
         )
 
 
-async def _by_close(endpoint: Endpoint, watcher: Session, judgements: dict[str, Judgement]) -> None:
+async def _by_close(endpoint: api.Endpoint, watcher: api.Session, judgements: dict[str, Judgement]) -> None:
     """Close a session that holds safe mode, and see how long its row stays."""
-    async with await Session.open(endpoint) as session:
+    async with await api.Session.open(endpoint) as session:
         await _SAFE_MODE.take(session)
         (await session.command(_add("close"))).check()
     elapsed_s = await _wait_until_gone(watcher, CLOSE_S)
@@ -605,16 +603,16 @@ async def _by_close(endpoint: Endpoint, watcher: Session, judgements: dict[str, 
         judgements["safe-mode-close"] = (Verdict.PASS, f"undone within {max(1.0, elapsed_s):.0f} s")
 
 
-async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
+async def fall_silent(endpoint: api.Endpoint) -> AssumptionFinding:
     """Let a session that holds safe mode fall silent, and see when its row is taken back. Raises as `try_out`."""
     name = "api-silent-session"
-    async with await Session.open(endpoint) as session:
+    async with await api.Session.open(endpoint) as session:
         await _refuse(session)
         try:
             await _SAFE_MODE.take(session)
             (await session.command(_add("silence"))).check()
             session.fall_silent()
-            async with await Session.open(endpoint) as watcher:
+            async with await api.Session.open(endpoint) as watcher:
                 elapsed_s = await _wait_until_gone(watcher, UNDO_S, every_s=15.0)
         finally:
             await _clean_up(endpoint)
@@ -627,27 +625,27 @@ async def fall_silent(endpoint: Endpoint) -> AssumptionFinding:
     return AssumptionFinding.of(name, judgement)
 
 
-async def _wait_until_gone(session: Session, within_s: float, every_s: float = 1.0) -> float | None:
+async def _wait_until_gone(session: api.Session, within_s: float, every_s: float = 1.0) -> float | None:
     """Wait until nobody holds safe mode and no scratch row is left; the seconds that it took, or None."""
     clock = asyncio.get_running_loop().time
     start = clock()
     while True:
-        state, scratch_reply = await session.flight([READ, _SCRATCH_ROWS])
-        if not Holder.of(state).is_taken and not scratch_reply.check().rows:
+        state, scratch_reply = await session.flight([safe_mode.READ, _SCRATCH_ROWS])
+        if not safe_mode.Holder.of(state).is_taken and not scratch_reply.check().rows:
             return clock() - start
         if clock() - start >= within_s:
             return None
         await asyncio.sleep(every_s)
 
 
-async def _clean_up(endpoint: Endpoint) -> None:
+async def _clean_up(endpoint: api.Endpoint) -> None:
     """See in a new session that no row is left: what safe mode has not taken back is removed. Raises OutcomeUnknown."""
     unknown = OutcomeUnknown(
         "the device does not say that the scratch rows are gone",
         hint=f"after ten minutes, on the device:  {_BY_HAND}",
     )
     try:
-        async with await Session.open(endpoint) as session:
+        async with await api.Session.open(endpoint) as session:
             clock = asyncio.get_running_loop().time
             until = clock() + UNDO_S
             while (await _SAFE_MODE.look(session)).is_taken and clock() < until:  # noqa: ASYNC110 - the device tells when
@@ -655,9 +653,9 @@ async def _clean_up(endpoint: Endpoint) -> None:
             for menu, scratch_reply in zip(_SCRATCH_MENUS, await session.flight(_EVERY_MARKED), strict=True):
                 ids = ",".join(row[".id"] for row in scratch_reply.check().rows)
                 if ids:
-                    (await session.command(Command(f"{menu}/remove", ((".id", ids),)))).check()
-            state, *leftover_replies = await session.flight([READ, *_EVERY_MARKED])
-            if Holder.of(state).is_taken or any(reply.check().rows for reply in leftover_replies):
+                    (await session.command(api.Command(f"{menu}/remove", ((".id", ids),)))).check()
+            state, *leftover_replies = await session.flight([safe_mode.READ, *_EVERY_MARKED])
+            if safe_mode.Holder.of(state).is_taken or any(reply.check().rows for reply in leftover_replies):
                 raise unknown
     except DeviceError as lost:
         raise unknown from lost

@@ -6,8 +6,8 @@ import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.atomic_files import sync_directory
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, NoMatchError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -15,31 +15,31 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-class JournalError(NetcfgError):
+class JournalError(errors.NetcfgError):
     """The journal cannot be written: nothing more may be changed, because nobody could go on after a break."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class DamagedPinsError(NetcfgError):
+class DamagedPinsError(errors.NetcfgError):
     """The file of pinned certificates cannot be read: no device may be trusted until a person has looked."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class DamagedStateError(NetcfgError):
+class DamagedStateError(errors.NetcfgError):
     """A saved state is not what was written: it must not be put on a device."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class SiteBusy(NetcfgError):
+class SiteBusy(errors.NetcfgError):
     """Somebody else works on the site now; the message says who. Nothing was contacted."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class NoSuchRun(NoMatchError):
+class NoSuchRun(errors.NoMatchError):
     """A run that is not in the journal of the site."""
 
 

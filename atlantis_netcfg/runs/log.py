@@ -15,14 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.eventlog import EventLog, split
-from atlantis_netcfg.runs.files import (
-    JournalError,
-    component,
-    make_private,
-    missing_file_error,
-    os_errors_as,
-    unwritable,
-)
+from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.records import Record, StateBackup, StateConfirmation
 
 if TYPE_CHECKING:
@@ -177,7 +170,7 @@ class StatesOnly:
         """Do not even ask for it."""
 
 
-def conclude(journal: Recorder, *records: Record) -> JournalError | None:
+def conclude(journal: Recorder, *records: Record) -> files.JournalError | None:
     """Put the last records of a run on disk. Returns why that was not possible, for the result, which must not be lost.
 
     A result that is not recorded is never a green one.
@@ -185,7 +178,7 @@ def conclude(journal: Recorder, *records: Record) -> JournalError | None:
     try:
         for record in records:
             journal.write(record)
-    except JournalError as failure:
+    except files.JournalError as failure:
         return failure
     return None
 
@@ -206,7 +199,7 @@ class _ReadResult(Protocol):
 _R = TypeVar("_R", bound=_ReadResult)
 
 
-def mark_unrecorded(result: _R, failure: JournalError | None) -> _R:
+def mark_unrecorded(result: _R, failure: files.JournalError | None) -> _R:
     """Say in a result that it is not in the journal, and why; it is not green then. None: it is there."""
     if failure is None:
         return result
@@ -222,8 +215,8 @@ def mark_unrecorded(result: _R, failure: JournalError | None) -> _R:
 
 
 def _put(what: str, path: Path, data: bytes) -> None:
-    with os_errors_as(what, path):
-        make_private(path.parent)
+    with files.os_errors_as(what, path):
+        files.make_private(path.parent)
         write_atomically(path, data)
 
 
@@ -234,7 +227,7 @@ class Journal(EventLog):
         """`directory` is the run's own; the file in it is made if it is missing, else appended to."""
         self.directory = directory
         self._now = now
-        super().__init__(path := directory / FILE, partial(unwritable, "the journal", path))
+        super().__init__(path := directory / FILE, partial(files.unwritable, "the journal", path))
         self._checksum = self._last_checksum()
 
     @property
@@ -253,7 +246,7 @@ class Journal(EventLog):
         """Put a device's state before the first change on disk, and record it; an earlier one is kept beside it."""
         self._require_present("the state before the run")
         data = text.encode()
-        first = self.directory / "before" / f"{component(device)}.rsc"
+        first = self.directory / "before" / f"{files.component(device)}.rsc"
         if first.exists() and not any(
             isinstance(record, StateBackup) and record.device == device for record in parse(self._content()).records
         ):
@@ -261,7 +254,7 @@ class Journal(EventLog):
         path = self._free(device, data)
         try:
             _put("the state before the run", path, data)
-        except JournalError as failure:
+        except files.JournalError as failure:
             self.failure = failure
             raise
         self._record_state(device, path, data)
@@ -279,7 +272,7 @@ class Journal(EventLog):
         data = text().encode()
         digest = hashlib.sha256(data).hexdigest()
         site = self.directory.parent.parent
-        path = site / "confirmed" / f"{component(device)}-{digest[:16]}.rsc"
+        path = site / "confirmed" / f"{files.component(device)}-{digest[:16]}.rsc"
         if not path.exists() or path.read_bytes() != data:
             _put("the confirmed state", path, data)
         self.write(StateConfirmation(device=device, file=str(path.relative_to(site)), sha256=digest))
@@ -300,8 +293,8 @@ class Journal(EventLog):
     def _require_present(self, what: str) -> None:
         """See that the open file is still the one that its name leads to. Raises JournalFailed, and then always."""
         if not self.present:
-            self.failure = self.failure or missing_file_error("the journal", self.path)
-            raise missing_file_error(what, self.path)
+            self.failure = self.failure or files.missing_file_error("the journal", self.path)
+            raise files.missing_file_error(what, self.path)
 
     def _free(self, device: str, data: bytes) -> Path:
         folder = self.directory / "before"

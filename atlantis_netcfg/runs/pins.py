@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.runs.files import DamagedPinsError, make_private, os_errors_as
+from atlantis_netcfg.runs import files
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -69,8 +69,8 @@ class Pins:
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, str]]:
-        with os_errors_as("the file of pinned certificates", self._path):
-            make_private(self._path.parent)
+        with files.os_errors_as("the file of pinned certificates", self._path):
+            files.make_private(self._path.parent)
             guard = open_lock(self._path.with_suffix(".lock"))
             try:
                 fcntl.flock(guard, fcntl.LOCK_EX)
@@ -93,8 +93,8 @@ class Pins:
             raise self._damage_error()
         return data
 
-    def _damage_error(self) -> DamagedPinsError:
-        return DamagedPinsError(
+    def _damage_error(self) -> files.DamagedPinsError:
+        return files.DamagedPinsError(
             f"the file of pinned certificates cannot be read: {self._path}",
             hint="restore it from a copy; without it no device can be told from an impostor",
         )

@@ -14,9 +14,9 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.core.atomic_files import open_lock, sync_directory, write_atomically
+from atlantis_netcfg.core import atomic_files
 from atlantis_netcfg.core.eventlog import write_all
-from atlantis_netcfg.runs.files import NoSuchRun, SiteBusy, component, make_private, new_run, os_errors_as, run_order
+from atlantis_netcfg.runs import files
 from atlantis_netcfg.runs.log import Journal, utc_now
 from atlantis_netcfg.runs.pins import Pins
 from atlantis_netcfg.runs.run import Run, SavedState
@@ -68,9 +68,9 @@ class SiteLock:
         self._descriptor = -1
 
     def __enter__(self) -> Self:
-        with os_errors_as("the site lock", self._path):
-            make_private(self._path.parent)
-            self._descriptor = open_lock(self._path)
+        with files.os_errors_as("the site lock", self._path):
+            files.make_private(self._path.parent)
+            self._descriptor = atomic_files.open_lock(self._path)
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -103,10 +103,10 @@ class SiteLock:
         os.close(self._descriptor)
         self._descriptor = -1
 
-    def _busy(self) -> SiteBusy:
+    def _busy(self) -> files.SiteBusy:
         holder = self._holder()
         who = str(holder) if holder is not None else "somebody who has just started"
-        return SiteBusy(
+        return files.SiteBusy(
             f"{self._site} is being worked on by {who}",
             hint="wait until that run has ended, then run the same command again",
         )
@@ -166,7 +166,7 @@ def _is_needed(run: Run, later: Iterator[Run]) -> bool:
 
 
 def _list_names(folder: Path) -> list[str]:
-    return sorted((path.name for path in folder.iterdir()), key=run_order) if folder.is_dir() else []
+    return sorted((path.name for path in folder.iterdir()), key=files.run_order) if folder.is_dir() else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ class DeviceHistory:
         """Whether a sign on the device is of a dead run that may be taken over: ours, or one that a person named."""
         if run == self._dead:
             return True
-        with suppress(NoSuchRun):
+        with suppress(files.NoSuchRun):
             return self._store.run(self._site, run).has_sign(self._device, sign)
         return False
 
@@ -213,9 +213,9 @@ class Store:
     def keep_proof(self, site: str, link: str) -> None:
         """Note that the VPN server has just answered over a link. Raises JournalFailed."""
         place = self._proof(site, link)
-        with os_errors_as("the proof", place):
-            make_private(place.parent)
-            write_atomically(place, self._now().isoformat().encode())
+        with files.os_errors_as("the proof", place):
+            files.make_private(place.parent)
+            atomic_files.write_atomically(place, self._now().isoformat().encode())
 
     def proof(self, site: str, link: str) -> datetime | None:
         """When the VPN server last answered over a link; None: that is not known."""
@@ -237,8 +237,8 @@ class Store:
         """
         directory = self._new(start_record.site, name)
         journal = Journal(directory, self._now)
-        with os_errors_as("the journal", directory):
-            sync_directory(directory)
+        with files.os_errors_as("the journal", directory):
+            atomic_files.sync_directory(directory)
         journal.write(start_record)
         self._archive(start_record.site)
         return journal
@@ -254,15 +254,15 @@ class Store:
         names = self._names(site)
         if run not in names and run not in self.archived_runs(site):
             listing = ", ".join(names[-5:]) or "none yet"
-            raise NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
+            raise files.NoSuchRun(f"{site} has no run {run}", hint=f"its latest runs: {listing}")
         return self._load(site, run)
 
     def keep_result(self, site: str, run: str, result: bytes) -> bool:
         """Put what a command has reported beside the journal; whether there is such a run. Raises OSError."""
-        directory = self._runs(site) / component(run)
+        directory = self._runs(site) / files.component(run)
         if not directory.is_dir():
             return False
-        write_atomically(directory / RESULT, result)
+        atomic_files.write_atomically(directory / RESULT, result)
         return True
 
     def runs(self, site: str) -> tuple[Run, ...]:
@@ -288,7 +288,7 @@ class Store:
 
     def damage_since(self, site: str, since: str = "") -> str:
         """What is damaged in the journals of the latest runs, from the run `since` on; empty if nothing is."""
-        runs = (self._load(site, name) for name in self._names(site) if run_order(name) >= run_order(since))
+        runs = (self._load(site, name) for name in self._names(site) if files.run_order(name) >= files.run_order(since))
         return "; ".join(run.damage for run in runs if run.damage)
 
     def unfinished_runs(self, site: str) -> tuple[Run, ...]:
@@ -309,10 +309,10 @@ class Store:
         return tuple(sorted(path.name for path in self.root.iterdir() if (path / "runs").is_dir()))
 
     def _site(self, site: str) -> Path:
-        return self.root / component(site)
+        return self.root / files.component(site)
 
     def _proof(self, site: str, link: str) -> Path:
-        return self._site(site) / "proofs" / component(link)
+        return self._site(site) / "proofs" / files.component(link)
 
     def _runs(self, site: str) -> Path:
         return self._site(site) / "runs"
@@ -337,12 +337,12 @@ class Store:
         with suppress(OSError):
             for place, name in enumerate(names[:-KEPT_RUNS]):
                 if not _is_needed(load(name), map(load, reversed(names[place + 1 :]))):
-                    (self._runs(site) / name).rename(make_private(archive) / name)
+                    (self._runs(site) / name).rename(files.make_private(archive) / name)
 
     def _new(self, site: str, name: str) -> Path:
         runs = self._runs(site)
-        with os_errors_as("the journal", runs):
-            make_private(runs)
-            directory = new_run(runs, self._now(), name, archive=self._site(site) / _ARCHIVE)
-            sync_directory(runs)
+        with files.os_errors_as("the journal", runs):
+            files.make_private(runs)
+            directory = files.new_run(runs, self._now(), name, archive=self._site(site) / _ARCHIVE)
+            atomic_files.sync_directory(runs)
             return directory

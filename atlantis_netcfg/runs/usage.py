@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from atlantis_netcfg.core.atomic_files import open_lock, write_atomically
-from atlantis_netcfg.runs.files import DamagedStateError, make_private, os_errors_as
+from atlantis_netcfg.runs import files
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -125,8 +125,8 @@ class Usage:
 
     @contextmanager
     def _writing(self) -> Iterator[dict[str, _BearerUsage]]:
-        with os_errors_as(_WHAT, self._path):
-            make_private(self._path.parent)
+        with files.os_errors_as(_WHAT, self._path):
+            files.make_private(self._path.parent)
             guard = open_lock(self._path.with_suffix(".lock"))
             try:
                 fcntl.flock(guard, fcntl.LOCK_EX)
@@ -143,7 +143,7 @@ class Usage:
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, ValidationError) as error:
-            raise DamagedStateError(
+            raise files.DamagedStateError(
                 f"{_WHAT} cannot be read: {self._path}",
                 hint="restore the file from a copy, or move it away: then the month is counted from the next look on",
             ) from error

@@ -10,8 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.computers.parts import Brought, Configuration, File, Package, Unit
-from atlantis_netcfg.inventory.model import Pace, SiteComputer, Transport, VpnServer
+from atlantis_netcfg.computers import parts
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment
 from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, MemberLink
 
@@ -38,8 +38,8 @@ _RESTART_S = {MemberLink.FIBRE: 10, MemberLink.LTE: 30, MemberLink.SATELLITE: 30
 class OpenvpnClient:
     """What the role installs and configures. Of a gateway without an address in the VPN: what is taken away."""
 
-    packages: tuple[Package, ...]
-    configuration: Configuration
+    packages: tuple[parts.Package, ...]
+    configuration: parts.Configuration
     identity: Path | None
     """File of this computer whose content belongs in `IDENTITY`; None: what the gateway has stays."""
 
@@ -58,30 +58,34 @@ def openvpn_client(declaration: Declaration, host: Host, identity: Path | None) 
     """Pure. `identity` is a file of this computer, None where it has none; it is not read here."""
     if _tunnel_address(host) is None:
         absent_files = (CONF, _DROP_IN, IDENTITY)
-        unit = Unit(SERVICE, enabled=False, active=False)
-        return OpenvpnClient((), Configuration(absent=absent_files, units=(unit,)), None)
+        unit = parts.Unit(SERVICE, enabled=False, active=False)
+        return OpenvpnClient((), parts.Configuration(absent=absent_files, units=(unit,)), None)
     runs = True if identity is not None else None
     return OpenvpnClient(
-        packages=(Package("openvpn"),),
-        configuration=Configuration(
-            files=(File(CONF, _conf(declaration, host)), File(_DROP_IN, _drop_in(declaration, host))),
-            units=(Unit(SERVICE, enabled=runs, active=runs, after=(CONF, _DROP_IN, IDENTITY)),),
-            brought=() if identity is not None else (Brought(IDENTITY, _nobody(host)),),
+        packages=(parts.Package("openvpn"),),
+        configuration=parts.Configuration(
+            files=(parts.File(CONF, _conf(declaration, host)), parts.File(_DROP_IN, _drop_in(declaration, host))),
+            units=(parts.Unit(SERVICE, enabled=runs, active=runs, after=(CONF, _DROP_IN, IDENTITY)),),
+            brought=() if identity is not None else (parts.Brought(IDENTITY, _nobody(host)),),
         ),
         identity=identity,
     )
 
 
-_LINKS = {Pace.FAST: MemberLink.FIBRE, Pace.MOBILE: MemberLink.LTE, Pace.SATELLITE: MemberLink.SATELLITE}
+_LINKS = {
+    model.Pace.FAST: MemberLink.FIBRE,
+    model.Pace.MOBILE: MemberLink.LTE,
+    model.Pace.SATELLITE: MemberLink.SATELLITE,
+}
 
 
 def site_link(declaration: Declaration, site: str) -> MemberLink:
     """What carries a tunnel from this site at its worst: satellite before 4G before the rest."""
-    return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=Pace.FAST)]
+    return _LINKS[max((bearer.kind.traits.pace for bearer in declaration.sites[site].bearers), default=model.Pace.FAST)]
 
 
 def _tunnel_address(host: Host) -> IPv4Address | None:
-    return host.device.vpn_address if isinstance(host.device, SiteComputer) else None
+    return host.device.vpn_address if isinstance(host.device, model.SiteComputer) else None
 
 
 def _nobody(host: Host) -> str:
@@ -96,7 +100,7 @@ def _conf(declaration: Declaration, host: Host) -> str:
     vpn = declaration.pilot.vpn
     link = site_link(declaration, host.site)
     ping_s, ping_restart_s = TIMERS[link]
-    udp = vpn.transport is Transport.UDP
+    udp = vpn.transport is model.Transport.UDP
     view = {
         "name": host.name,
         "proto": "udp4" if udp else "tcp4-client",
@@ -118,7 +122,7 @@ def _conf(declaration: Declaration, host: Host) -> str:
 def _remote(declaration: Declaration, host: Host) -> IPv4Address:
     """Where it reaches the server: at its public address, and from the server's own site in its LAN."""
     server = declaration.hosts[declaration.pilot.vpn.server]
-    if server.site == host.site and isinstance(server.device, VpnServer):
+    if server.site == host.site and isinstance(server.device, model.VpnServer):
         return server.device.address
     return declaration.pilot.vpn.endpoint
 

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.paths import private_directory
 from atlantis_netcfg.runs import write_atomically
+from atlantis_netcfg.vpn import enrolment_package
+from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.authority import Authority
-from atlantis_netcfg.vpn.authority.model import HandoutFile, IssueResult, ServerNames
-from atlantis_netcfg.vpn.enrolment_package import OneTimePassphrase, Recipient, handout, host_identity
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file, server_name
 from atlantis_netcfg.vpn.names import check_free
 from atlantis_netcfg.vpn.requests import computers
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.vpn.authority.model import EnrolmentRequest, RenewalRequest, RevocationResult
     from atlantis_netcfg.vpn.authority.signer import Signer
     from atlantis_netcfg.vpn.identity import Identity, Member
 
@@ -80,7 +79,7 @@ class HandoutTarget:
 class HandedOut:
     """A member, its newest certificate, and the file for the person who has the device."""
 
-    result: IssueResult
+    result: model.IssueResult
     file: Path
     copy: Path | None = None
     cover_note: Path | None = None
@@ -89,7 +88,9 @@ class HandedOut:
     """Opens the file; it is shown this one time only."""
 
 
-def reserved_addresses(declaration: Declaration, requests: Sequence[EnrolmentRequest] = ()) -> frozenset[IPv4Address]:
+def reserved_addresses(
+    declaration: Declaration, requests: Sequence[model.EnrolmentRequest] = ()
+) -> frozenset[IPv4Address]:
     """Addresses that the declaration has given away: the server's, declared computers', and those of DDS peers.
 
     An address that a request names is for that member.
@@ -112,7 +113,7 @@ class Onboarding:
     target: HandoutTarget
     _packages: dict[str, tuple[Path, Path | None, Path, Secret | None]] = field(default_factory=dict)
 
-    def find_existing(self, requests: Sequence[EnrolmentRequest]) -> tuple[HandedOut, ...]:
+    def find_existing(self, requests: Sequence[model.EnrolmentRequest]) -> tuple[HandedOut, ...]:
         """The members, if all of them are in the VPN just as requested: no passphrase is needed.
 
         Empty if anything is left to do. Raises NameTaken.
@@ -127,11 +128,13 @@ class Onboarding:
         newest = member.good[-1]
         path = _place(self.operator.authority.folder, newest.common_name)
         if member.partner is None and not path.exists():
-            path = host_identity(self.operator.authority.folder, member.name)
+            path = enrolment_package.host_identity(self.operator.authority.folder, member.name)
         digest = sha256(path.read_bytes()).hexdigest() if path.exists() else ""
-        return HandedOut(IssueResult(member, newest, HandoutFile(str(path), digest), already=True), path)
+        return HandedOut(model.IssueResult(member, newest, model.HandoutFile(str(path), digest), already=True), path)
 
-    def issue(self, requests: Sequence[EnrolmentRequest], passphrase: Callable[[], Secret]) -> tuple[HandedOut, ...]:
+    def issue(
+        self, requests: Sequence[model.EnrolmentRequest], passphrase: Callable[[], Secret]
+    ) -> tuple[HandedOut, ...]:
         """Make the members. Raises UsageError for what the record refuses, and what `Authority.unlocked` raises."""
         addresses = reserved_addresses(self.declaration, requests)
         with self.operator.unlock(passphrase) as signer:
@@ -140,7 +143,7 @@ class Onboarding:
             )
 
     def renew(
-        self, renewals: Sequence[tuple[Member, RenewalRequest]], passphrase: Callable[[], Secret]
+        self, renewals: Sequence[tuple[Member, model.RenewalRequest]], passphrase: Callable[[], Secret]
     ) -> tuple[HandedOut, ...]:
         """Give each a successor of its certificate, changed as its request says."""
         with self.operator.unlock(passphrase) as signer:
@@ -148,19 +151,19 @@ class Onboarding:
                 self._handed_out(signer.renew(member.name, self._deliver, change)) for member, change in renewals
             )
 
-    def _handed_out(self, result: IssueResult) -> HandedOut:
+    def _handed_out(self, result: model.IssueResult) -> HandedOut:
         name = result.certificate.common_name
         return HandedOut(result, *self._packages.get(name, (Path(result.file.path), None, None, None)))
 
-    def _deliver(self, identity: Identity) -> HandoutFile:
+    def _deliver(self, identity: Identity) -> model.HandoutFile:
         """Write the member's file, before the record says that it has one."""
         recipient = self.target.recipients.get(identity.member.name)
         if identity.member.partner is None:
             package_file = self._keep(identity)
             if recipient is None and self.target.copies is None:
                 return package_file
-        sealing = OneTimePassphrase() if recipient is None else Recipient(recipient)
-        package = handout(self.declaration, identity, sealing, contact=self.target.contact)
+        sealing = enrolment_package.OneTimePassphrase() if recipient is None else enrolment_package.Recipient(recipient)
+        package = enrolment_package.handout(self.declaration, identity, sealing, contact=self.target.contact)
         common_name = identity.certificate.common_name
         place = _place(self.operator.authority.folder, common_name)
         private_directory(place.parent)
@@ -170,15 +173,15 @@ class Onboarding:
         copy = self._write_copy(package.file_name, package.data)
         note = self._write_copy(note.name, text) or note
         self._packages[common_name] = (place, copy, note, package.passphrase)
-        return HandoutFile(str(place), package.sha256)
+        return model.HandoutFile(str(place), package.sha256)
 
-    def _keep(self, identity: Identity) -> HandoutFile:
+    def _keep(self, identity: Identity) -> model.HandoutFile:
         """The identity of a declared computer, for the role that brings it there."""
         data = identity_file(identity).reveal().encode()
-        place = host_identity(self.operator.authority.folder, identity.member.name)
+        place = enrolment_package.host_identity(self.operator.authority.folder, identity.member.name)
         private_directory(place.parent)
         write_atomically(place, data)
-        return HandoutFile(str(place), sha256(data).hexdigest())
+        return model.HandoutFile(str(place), sha256(data).hexdigest())
 
     def _write_copy(self, name: str, data: bytes) -> Path | None:
         if self.target.copies is None:
@@ -192,7 +195,7 @@ def _place(folder: Path, common_name: str) -> Path:
     return folder / "handouts" / common_name / f"{common_name}.tar.age"
 
 
-def _same(request: EnrolmentRequest, member: Member) -> bool:
+def _same(request: model.EnrolmentRequest, member: Member) -> bool:
     """Whether the member already is as requested."""
     newest = member.good[-1] if member.good else None
     return (
@@ -219,18 +222,18 @@ def reason_of(text: str | None) -> str:
 
 def revoke(
     operator: OperatorContext, members: Sequence[Member], reason: str, passphrase: Callable[[], Secret]
-) -> RevocationResult:
+) -> model.RevocationResult:
     """Record it and publish the list; nothing is asked of the server here."""
     with operator.unlock(passphrase) as signer:
         return signer.revoke([member.name for member in members], reason)
 
 
-def server_names(declaration: Declaration) -> ServerNames:
+def server_names(declaration: Declaration) -> model.ServerNames:
     """What the server's certificate is made out to: RouterOS compares name or address with what it connects to."""
     vpn = declaration.pilot.vpn
     lan = getattr(declaration.hosts[vpn.server].device, "address", None)
     addresses = (vpn.endpoint,) if lan is None else (vpn.endpoint, lan)
-    return ServerNames(server_name(declaration), (vpn.endpoint_name,), addresses)
+    return model.ServerNames(server_name(declaration), (vpn.endpoint_name,), addresses)
 
 
 def existing_authority(folder: Path, declaration: Declaration) -> Authority | None:
@@ -259,5 +262,5 @@ def refuse_example_authority(declaration: Declaration, *, is_explicit: bool) -> 
         )
 
 
-def _names_text(names: ServerNames) -> str:
+def _names_text(names: model.ServerNames) -> str:
     return ", ".join([names.common_name, *names.dns, *map(str, names.addresses)])

@@ -14,9 +14,9 @@ from functools import cached_property
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.model import ControlCentre, Dds, DdsPath, Gateway, LanBox, Router, ServerComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import environment, nft_comment
-from atlantis_netcfg.vpn.identity import Member, MemberKind, MembershipList
+from atlantis_netcfg.vpn import identity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -154,19 +154,19 @@ def zone_of(name: str, networks: Iterable[IPv4Network]) -> Zone:
     )
 
 
-def policy(declaration: Declaration, membership: MembershipList) -> Policy:
+def policy(declaration: Declaration, membership: identity.MembershipList) -> Policy:
     """The policy of a pilot. A member that is revoked, or whose partner or host is declared no more, is nobody."""
     return _PolicyDraft(declaration, membership).policy()
 
 
-_HOST_KINDS = frozenset({MemberKind.HOST, MemberKind.ROUTER})
+_HOST_KINDS = frozenset({identity.MemberKind.HOST, identity.MemberKind.ROUTER})
 """Of the pilot's own members these are hosts of the declaration."""
 
 
 class _PolicyDraft:
     """The zones of a pilot, and what follows from them."""
 
-    def __init__(self, declaration: Declaration, membership: MembershipList) -> None:
+    def __init__(self, declaration: Declaration, membership: identity.MembershipList) -> None:
         self._pilot = declaration.pilot
         self._partners = declaration.partners
         self._sites = declaration.sites
@@ -175,16 +175,16 @@ class _PolicyDraft:
         self._members = [item for item in membership.members.values() if item.good and self._is_declared(item)]
         self._behind = {member.name: self._networks(member) for member in self._members}
 
-    def _is_declared(self, member: Member) -> bool:
+    def _is_declared(self, member: identity.Member) -> bool:
         if member.partner is None and member.kind in _HOST_KINDS:
             return member.name in self._hosts
         return member.partner is None or member.partner in self._partners
 
-    def _networks(self, member: Member) -> tuple[IPv4Network, ...]:
+    def _networks(self, member: identity.Member) -> tuple[IPv4Network, ...]:
         """The tunnel address, and what a site's router routes."""
         local = (IPv4Network(member.address),)
         host = self._hosts.get(member.name) if member.partner is None else None
-        if host is None or not isinstance(host.device, Router):
+        if host is None or not isinstance(host.device, model.Router):
             return local
         return (*local, *self._of_site(host.site))
 
@@ -219,10 +219,10 @@ class _PolicyDraft:
         """What others' devices share, in the VPN and in the LANs."""
         guests = self._among("p_guest_devices", lambda member: not _ours(member), self._lans())
         robots = self._among(
-            "p_all_robots", lambda item: item.kind is MemberKind.ROBOT, self._vehicles(self._all_vehicles)
+            "p_all_robots", lambda item: item.kind is identity.MemberKind.ROBOT, self._vehicles(self._all_vehicles)
         )
-        yield from self._both_ways(guests, self._speaking("p_control_centres", ControlCentre), "control centres")
-        yield from self._both_ways(robots, self._speaking("p_site_gateways", Gateway), "robots and gateways")
+        yield from self._both_ways(guests, self._speaking("p_control_centres", model.ControlCentre), "control centres")
+        yield from self._both_ways(robots, self._speaking("p_site_gateways", model.Gateway), "robots and gateways")
         for service in self._pilot.vpn.services:
             traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
             yield Permission(guests, self._serving(service.host), traffic, service.name)
@@ -244,7 +244,7 @@ class _PolicyDraft:
     def _services_for(self, partner: str, zone: Zone) -> Iterator[Permission]:
         """The services of our computers that are open to this partner."""
         for host in self._hosts.values():
-            for service in host.device.services if isinstance(host.device, ServerComputer) else ():
+            for service in host.device.services if isinstance(host.device, model.ServerComputer) else ():
                 if service.port is not None and partner in service.partners:
                     traffic = PolicyTraffic(Protocol(service.transport), range(service.port, service.port + 1))
                     yield Permission(zone, self._serving(host.name), traffic, service.name)
@@ -265,12 +265,14 @@ class _PolicyDraft:
             yield Permission(zone, other, traffic, why)
             yield Permission(other, zone, traffic, why)
 
-    def _among(self, name: str, predicate: Callable[[Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
+    def _among(self, name: str, predicate: Callable[[identity.Member], bool], more: Iterable[IPv4Network] = ()) -> Zone:
         return zone_of(name, (*(IPv4Network(member.address) for member in self._members if predicate(member)), *more))
 
     def _managers(self) -> Zone:
         return self._among(
-            "p_all_managers", lambda member: _ours(member) and member.kind is MemberKind.LAPTOP, self._management()
+            "p_all_managers",
+            lambda member: _ours(member) and member.kind is identity.MemberKind.LAPTOP,
+            self._management(),
         )
 
     def _management(self) -> tuple[IPv4Network, ...]:
@@ -280,18 +282,18 @@ class _PolicyDraft:
         return tuple(site.lan.network for site in self._sites.values())
 
     def _in_lan(self, host: Host) -> tuple[IPv4Address, ...]:
-        if isinstance(host.device, Router):
+        if isinstance(host.device, model.Router):
             return (self._sites[host.site].lan.gateway,)
-        return (host.device.address,) if isinstance(host.device, LanBox) else ()
+        return (host.device.address,) if isinstance(host.device, model.LanBox) else ()
 
     def _vehicles(self, keys: Collection[str]) -> tuple[IPv4Network, ...]:
         """Of vehicles: their reserved addresses in the LANs."""
         reservations = (row for site in self._sites.values() for row in site.lan.reservations if row.name in keys)
         return tuple(IPv4Network(row.address) for row in reservations)
 
-    def _speaking(self, name: str, kind: type[ControlCentre | Gateway]) -> Zone:
+    def _speaking(self, name: str, kind: type[model.ControlCentre | model.Gateway]) -> Zone:
         """Where the DDS of our computers is: in the VPN, and in the LANs if the pilot's DDS goes there."""
-        lan = self._pilot.dds is not None and self._pilot.dds.over is DdsPath.LAN
+        lan = self._pilot.dds is not None and self._pilot.dds.over is model.DdsPath.LAN
         dds_hosts = (host for host in self._hosts.values() if isinstance(host.device, kind))
         return zone_of(name, (IPv4Network(address) for host in dds_hosts for address in _addresses(host, lan=lan)))
 
@@ -303,12 +305,12 @@ class _PolicyDraft:
         return zone_of(f"p_host_{host}", (IPv4Network(address) for address in addresses))
 
 
-def _ours(member: Member) -> bool:
+def _ours(member: identity.Member) -> bool:
     """A computer of the pilot's own; a robot is a guest, whoever's it is."""
-    return member.partner is None and member.kind is not MemberKind.ROBOT
+    return member.partner is None and member.kind is not identity.MemberKind.ROBOT
 
 
-def _dds(dds: Dds | None) -> tuple[PolicyTraffic, ...]:
+def _dds(dds: model.Dds | None) -> tuple[PolicyTraffic, ...]:
     """Unicast ports of every participant that is found; multicast has no way through the tunnel."""
     return () if dds is None else (PolicyTraffic(Protocol.UDP, dds.ports),)
 
@@ -316,9 +318,9 @@ def _dds(dds: Dds | None) -> tuple[PolicyTraffic, ...]:
 def _addresses(host: Host, *, lan: bool) -> tuple[IPv4Address, ...]:
     """In the tunnel, if it has one there, then in its LAN."""
     device = host.device
-    if isinstance(device, Router):
+    if isinstance(device, model.Router):
         return () if device.vpn_client is None else (device.vpn_client.address,)
-    if not isinstance(device, LanBox):
+    if not isinstance(device, model.LanBox):
         return ()
     local = () if device.vpn_address is None else (device.vpn_address,)
     return (*local, device.address) if lan else local
@@ -332,7 +334,7 @@ _PING = "icmp type { echo-request, echo-reply }"
 _ANSWER = "ct state established ct direction reply"
 
 
-def firewall(declaration: Declaration, membership: MembershipList) -> str:
+def firewall(declaration: Declaration, membership: identity.MembershipList) -> str:
     """What `nft -f` loads, atomically and as often as one likes.
 
     Running connections are not asked for: each packet stands for itself, and only the answers of services are known by

@@ -6,20 +6,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.vpn import requests
 from atlantis_netcfg.vpn.pki import check_recipient
-from atlantis_netcfg.vpn.requests import InvalidRequest, quote
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from atlantis_netcfg.vpn.requests import DeviceWords
 
 _LONGEST = 20_000
 """Characters of a file with a public key: RSA keys and comments have a few thousand."""
 _PRIVATE = ("AGE-SECRET-KEY", "PRIVATE KEY")
 
 
-def recipients_of(device_requests: Iterable[DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
+def recipients_of(device_requests: Iterable[requests.DeviceWords], names: Iterable[str]) -> Mapping[str, str]:
     """Recipients by the name of their member, where one was asked for. Raises Refused with all that are none."""
     result: dict[str, str] = {}
     errors: list[UsageError] = []
@@ -31,7 +30,7 @@ def recipients_of(device_requests: Iterable[DeviceWords], names: Iterable[str]) 
         except UsageError as error:
             errors.append(UsageError(f"{item.place}: {error}", hint=error.hint) if item.place else error)
     if errors:
-        raise InvalidRequest(errors)
+        raise requests.InvalidRequest(errors)
     return result
 
 
@@ -42,7 +41,7 @@ def recipient_of(argument: str) -> str:
     _refuse_private(text)
     lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
     if len(lines) != 1:
-        raise UsageError(f"there are {len(lines)} keys in {quote(argument)}", hint="one file, one public key")
+        raise UsageError(f"there are {len(lines)} keys in {requests.quote(argument)}", hint="one file, one public key")
     check_recipient(lines[0])
     return lines[0]
 
@@ -62,4 +61,4 @@ def _in_file(argument: str) -> str:
             return file.read(_LONGEST)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or "it is no text"
-        raise UsageError(f"no key to seal to: {quote(argument)} cannot be read: {why}", hint=hint) from error
+        raise UsageError(f"no key to seal to: {requests.quote(argument)} cannot be read: {why}", hint=hint) from error

@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core import temporary
-from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
+from atlantis_netcfg.core import errors, temporary
 from atlantis_netcfg.inventory.model import Router, SiteComputer
 from atlantis_netcfg.runs import write_atomically
 from atlantis_netcfg.vpn import pki
@@ -33,7 +32,9 @@ def rehearsed_identity(declaration: Declaration, host: Host, wrap: Wrap = Wrap.T
     """Of a declared computer or router. Raises UsageError if it is no member of the VPN."""
     address = _address(host)
     if address is None:
-        raise UsageError(f"{host.name} has no address in the VPN", hint=f"declare one in host_vars/{host.name}.yml")
+        raise errors.UsageError(
+            f"{host.name} has no address in the VPN", hint=f"declare one in host_vars/{host.name}.yml"
+        )
     router = isinstance(host.device, Router)
     kind = KeyType.RSA if router else KeyType.EC
     now, key = datetime.now(UTC), pki.new_key(kind)
@@ -71,7 +72,9 @@ def vpn_server(identity: Identity) -> Iterator[int]:
     """A real OpenVPN without a tunnel on the loopback, with the shared key of that identity; gives its port."""
     program = shutil.which("openvpn") or shutil.which("openvpn", path="/usr/sbin:/sbin")
     if program is None:
-        raise NoMatchError("not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn")
+        raise errors.NoMatchError(
+            "not rehearsed: this computer has no OpenVPN that could answer", hint="install openvpn"
+        )
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
         free.bind(("127.0.0.1", 0))
         port: int = free.getsockname()[1]
@@ -82,7 +85,7 @@ def vpn_server(identity: Identity) -> Iterator[int]:
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:  # noqa: S603 - our words
             try:
                 if not any("link local" in line for line in process.stdout or ()):
-                    raise NetcfgError("the OpenVPN of the rehearsal did not start")
+                    raise errors.NetcfgError("the OpenVPN of the rehearsal did not start")
                 yield port
             finally:
                 process.terminate()

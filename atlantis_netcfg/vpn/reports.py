@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError, nearest
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED
 from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
 from atlantis_netcfg.vpn.ledger import CorruptLedgerError
 
 if TYPE_CHECKING:
@@ -24,32 +24,34 @@ if TYPE_CHECKING:
 _PERIODS = {"d": 1, "w": 7}
 
 
-def find(membership: MembershipList, name: str) -> Member:
+def find(membership: identity.MembershipList, name: str) -> identity.Member:
     """The member of that name; a common name stands for its member. Raises UsageError with the near miss."""
     for member_name in (name, name.partition(".")[0]):
         if member_name in membership.members:
             return membership.members[member_name]
-    near = nearest(name, membership.members)
+    near = errors.nearest(name, membership.members)
     hint = f"did you mean `name={near}`?" if near else "`provision vpn list` lists them all"
-    raise UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
+    raise errors.UsageError(f"there is no member `{ascii(name)[1:-1][:60]}` in the VPN", hint=hint)
 
 
-def of_partner(membership: MembershipList, partner: str | None) -> tuple[Member, ...]:
+def of_partner(membership: identity.MembershipList, partner: str | None) -> tuple[identity.Member, ...]:
     """The members of a partner, or all. Raises UsageError, NothingMatched if there is none."""
     if not membership.members:
-        raise NoMatchError("the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one")
+        raise errors.NoMatchError(
+            "the VPN has no members yet", hint="`provision vpn onboard --help` says how to add one"
+        )
     if partner is None:
         return tuple(membership.members.values())
     result = tuple(member for member in membership.members.values() if member.partner == partner)
     if not result:
         partners = sorted({member.partner for member in membership.members.values() if member.partner is not None})
-        near = nearest(partner, partners)
+        near = errors.nearest(partner, partners)
         hint = f"did you mean `partner={near}`?" if near else f"there are devices of: {', '.join(partners) or 'nobody'}"
-        raise UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
+        raise errors.UsageError(f"no VPN member belongs to partner `{ascii(partner)[1:-1][:60]}`", hint=hint)
     return result
 
 
-def status_of(member: Member, now: datetime) -> str:
+def status_of(member: identity.Member, now: datetime) -> str:
     """How it stands with a member, in a few words."""
     if not member.good:
         return "revoked"
@@ -58,15 +60,15 @@ def status_of(member: Member, now: datetime) -> str:
         return "expired"
     if newest is not oldest:
         return f"renewed, {oldest.common_name} still in use"
-    return "in use" if newest.standing is CertificateStatus.SEEN else "never seen"
+    return "in use" if newest.standing is identity.CertificateStatus.SEEN else "never seen"
 
 
-def expires(member: Member) -> datetime | None:
+def expires(member: identity.Member) -> datetime | None:
     """When the member's newest good certificate ends; None if it has none."""
     return member.good[-1].not_after if member.good else None
 
 
-def member_row(member: Member, now: datetime) -> dict[str, Any]:
+def member_row(member: identity.Member, now: datetime) -> dict[str, Any]:
     """A member for programs, with its certificates."""
     return {
         "name": member.name,
@@ -81,7 +83,7 @@ def member_row(member: Member, now: datetime) -> dict[str, Any]:
     }
 
 
-def certificate_row(certificate: Certificate) -> dict[str, Any]:
+def certificate_row(certificate: identity.Certificate) -> dict[str, Any]:
     """A certificate for programs; nothing of it is secret."""
     return {
         "common_name": certificate.common_name,
@@ -111,7 +113,7 @@ def period(text: str, word: str) -> timedelta:
     """A span such as 30d or 8w. Raises UsageError."""
     match = re.fullmatch(r"([0-9]{1,4})([dw])", text)
     if match is None:
-        raise UsageError(
+        raise errors.UsageError(
             f"`{word}={ascii(text)[1:-1][:60]}` is no span of time", hint=f"days or weeks, as in `{word}=30d`"
         )
     return timedelta(days=int(match[1]) * _PERIODS[match[2]])
@@ -124,7 +126,7 @@ class Audit:
     entries: tuple[LedgerEntry, ...]
     agreement: Agreement | None
     """None: the ledger is damaged, and none of its entries is told as true."""
-    broken: tuple[NetcfgError, ...]
+    broken: tuple[errors.NetcfgError, ...]
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -189,5 +191,5 @@ def start_of(since: str) -> datetime:
         return datetime(day.year, day.month, day.day, tzinfo=UTC)
     try:
         return datetime.now(UTC) - period(since, "since")
-    except UsageError as error:
-        raise UsageError(str(error), hint="a day or a span, as in `since=2026-11-01` or `since=30d`") from None
+    except errors.UsageError as error:
+        raise errors.UsageError(str(error), hint="a day or a span, as in `since=2026-11-01` or `since=30d`") from None

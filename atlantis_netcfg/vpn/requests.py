@@ -17,10 +17,9 @@ from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
 from atlantis_netcfg.inventory.model import Guest, OpenVpnVersion, RosDistribution, Router
-from atlantis_netcfg.vpn import names, systems
+from atlantis_netcfg.vpn import identity, names, systems
 from atlantis_netcfg.vpn.authority.model import CLIENT_DAYS, EnrolmentRequest, RenewalRequest
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -103,20 +102,20 @@ def request_of_host(declaration: Declaration, check: RequestCheck) -> EnrolmentR
         if check.words[word] is not None:
             check.wrong(f"`{word}=` does not go with `host=`", "the inventory says it of a declared computer")
     host = _find_declared_host(declaration, check)
-    link, wrap = check.choice("link", list(MemberLink)), check.choice("wrap", list(Wrap))
-    key, days = check.choice("key", list(KeyType)), check.days()
+    link, wrap = check.choice("link", list(identity.MemberLink)), check.choice("wrap", list(identity.Wrap))
+    key, days = check.choice("key", list(identity.KeyType)), check.days()
     if host is None or check.run_check(lambda: names.check_name(host.name, "host")) is None:
         return None
     router = isinstance(host.device, Router)
     return EnrolmentRequest(
         name=host.name,
-        kind=MemberKind.ROUTER if router else MemberKind.HOST,
+        kind=identity.MemberKind.ROUTER if router else identity.MemberKind.HOST,
         partner=None,
         device=host.name,
         address=computers(declaration)[host.name],
         link=link or site_link(declaration, host.site),
         wrap=wrap or systems.wrap_of_host(declaration, host),
-        key=key or (KeyType.RSA if router else KeyType.EC),
+        key=key or (identity.KeyType.RSA if router else identity.KeyType.EC),
         days=days or CLIENT_DAYS,
     )
 
@@ -149,13 +148,13 @@ def _tunnel_address(host: Host) -> IPv4Address | None:
     return getattr(host.device, "vpn_address", None)
 
 
-_KINDS = tuple(kind for kind in MemberKind if kind is not MemberKind.HOST)
+_KINDS = tuple(kind for kind in identity.MemberKind if kind is not identity.MemberKind.HOST)
 
 
 def request_of_device(declaration: Declaration, check: RequestCheck) -> EnrolmentRequest | None:
     """The request; None if something is wrong: `check` has the errors."""
     partner, device, kind = _partner(declaration, check), _device(check), _kind(check)
-    link, client = check.choice("link", list(MemberLink)), _client_words(check, kind)
+    link, client = check.choice("link", list(identity.MemberLink)), _client_words(check, kind)
     key, days = _key(check, kind), check.days()
     if partner is None or device is None or kind is None:
         return None
@@ -171,7 +170,7 @@ def request_of_device(declaration: Declaration, check: RequestCheck) -> Enrolmen
         device=device,
         address=address,
         pool=declaration.partners[partner].vpn_pool,
-        link=link or MemberLink.FIBRE,
+        link=link or identity.MemberLink.FIBRE,
         vehicle=vehicle,
         wrap=_wrap(declaration, check, client, kind, vehicle),
         key=key,
@@ -205,27 +204,29 @@ def _days_of(declaration: Declaration, check: RequestCheck, vehicle: str | None,
 class _ClientWords:
     """What was said of the program that the device starts its tunnel with; None: nothing."""
 
-    system: ClientSystem | None
+    system: identity.ClientSystem | None
     distribution: RosDistribution | None
     openvpn: OpenVpnVersion | None
-    wrap: Wrap | None
+    wrap: identity.Wrap | None
 
 
-def _client_words(check: RequestCheck, kind: MemberKind | None) -> _ClientWords:
-    system, wrap = check.choice("system", list(ClientSystem)), check.choice("wrap", list(Wrap))
+def _client_words(check: RequestCheck, kind: identity.MemberKind | None) -> _ClientWords:
+    system, wrap = check.choice("system", list(identity.ClientSystem)), check.choice("wrap", list(identity.Wrap))
     release = check.choice("distribution", list(RosDistribution))
     version = check.choice("openvpn", list(OpenVpnVersion))
-    if kind is not None and system is not None and system not in SYSTEMS[kind]:
-        check.wrong(f"`system={system}` is no system of a {kind}", f"it takes one of: {', '.join(SYSTEMS[kind])}")
+    if kind is not None and system is not None and system not in identity.SYSTEMS[kind]:
+        check.wrong(
+            f"`system={system}` is no system of a {kind}", f"it takes one of: {', '.join(identity.SYSTEMS[kind])}"
+        )
     for word, value in (("distribution", release), ("openvpn", version)):
-        if kind is MemberKind.ROUTER and value is not None:
+        if kind is identity.MemberKind.ROUTER and value is not None:
             check.wrong(f"`{word}=` does not go with `kind=router`", f"leave `{word}=` out: RouterOS has neither")
     return _ClientWords(system, release, version, wrap)
 
 
 def _wrap(
-    declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: MemberKind, vehicle: str | None
-) -> Wrap:
+    declaration: Declaration, check: RequestCheck, client: _ClientWords, kind: identity.MemberKind, vehicle: str | None
+) -> identity.Wrap:
     """The key that the device's OpenVPN can read. What contradicts that, or the declared vehicle, is wrong."""
     declared_vehicle = declaration.vehicles[vehicle] if vehicle is not None else None
     for word in ("distribution", "openvpn"):
@@ -236,13 +237,17 @@ def _wrap(
                 f"leave `{word}=` out, or correct vehicles.yml",
             )
     version = systems.openvpn(declaration, kind, vehicle, version=client.openvpn, release=client.distribution)
-    if client.wrap is Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
+    if client.wrap is identity.Wrap.TLS_CRYPT_V2 and version is OpenVpnVersion.V2_4:
         check.wrong(
             f"`wrap={client.wrap}`: the device's OpenVPN is 2.4, which cannot read such a profile",
             "leave `wrap=` out; if it has a newer OpenVPN, say which: `openvpn=2.6`",
         )
     usual = systems.wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
-    if client.wrap is Wrap.TLS_CRYPT_V2 and usual is Wrap.TLS_CRYPT and version is not OpenVpnVersion.V2_4:
+    if (
+        client.wrap is identity.Wrap.TLS_CRYPT_V2
+        and usual is identity.Wrap.TLS_CRYPT
+        and version is not OpenVpnVersion.V2_4
+    ):
         check.wrong(
             f"`wrap={client.wrap}`: the server answers such clients from OpenVPN 2.6 on alone (`force_cookie`)",
             "leave `wrap=` out; if the device has OpenVPN 2.6, type `openvpn=2.6`",
@@ -271,15 +276,17 @@ def _device(check: RequestCheck) -> str | None:
     return check.run_check(lambda: names.check_name(value, "device"))
 
 
-def _kind(check: RequestCheck) -> MemberKind | None:
+def _kind(check: RequestCheck) -> identity.MemberKind | None:
     if check.words["kind"] is None:
         check.wrong("`kind=` is missing: what the device is", f"it takes one of: {', '.join(_KINDS)}")
     return check.choice("kind", _KINDS)
 
 
-def _key(check: RequestCheck, kind: MemberKind | None) -> KeyType:
+def _key(check: RequestCheck, kind: identity.MemberKind | None) -> identity.KeyType:
     """RouterOS was never seen to work with elliptic curves here (facts 10)."""
-    return check.choice("key", list(KeyType)) or (KeyType.RSA if kind is MemberKind.ROUTER else KeyType.EC)
+    return check.choice("key", list(identity.KeyType)) or (
+        identity.KeyType.RSA if kind is identity.MemberKind.ROUTER else identity.KeyType.EC
+    )
 
 
 def _member(declaration: Declaration, check: RequestCheck, partner: str, device: str) -> str | None:
@@ -289,9 +296,11 @@ def _member(declaration: Declaration, check: RequestCheck, partner: str, device:
     return name
 
 
-def _vehicle(declaration: Declaration, check: RequestCheck, partner: str, device: str, kind: MemberKind) -> str | None:
+def _vehicle(
+    declaration: Declaration, check: RequestCheck, partner: str, device: str, kind: identity.MemberKind
+) -> str | None:
     value = check.words["vehicle"]
-    if kind is not MemberKind.ROBOT:
+    if kind is not identity.MemberKind.ROBOT:
         if value is not None:
             check.wrong(f"a {kind} is no vehicle", "leave `vehicle=` out, or say `kind=robot`")
         return None
@@ -411,8 +420,8 @@ def change_of(**words: str | None) -> RenewalRequest:
     change = RenewalRequest(
         days=check.days(),
         wrap=client.wrap,
-        key=check.choice("key", list(KeyType)),
-        link=check.choice("link", list(MemberLink)),
+        key=check.choice("key", list(identity.KeyType)),
+        link=check.choice("link", list(identity.MemberLink)),
         system=client.system,
         distribution=client.distribution,
     )
@@ -420,7 +429,9 @@ def change_of(**words: str | None) -> RenewalRequest:
     return change
 
 
-def change_for(declaration: Declaration, member: Member, change: RenewalRequest, openvpn: str | None) -> RenewalRequest:
+def change_for(
+    declaration: Declaration, member: identity.Member, change: RenewalRequest, openvpn: str | None
+) -> RenewalRequest:
     """What a renewal changes for this member: a partner's device gets a key that its OpenVPN can read.
 
     Raises UsageError, RequestRefused: for words that do not fit the member, or a key that it cannot read.
@@ -441,5 +452,5 @@ def change_for(declaration: Declaration, member: Member, change: RenewalRequest,
     fitting = _wrap(declaration, check, client, member.kind, vehicle)
     days = _days_of(declaration, check, vehicle, change.days)
     check.close()
-    wrap = fitting if change.wrap is not None or fitting is Wrap.TLS_CRYPT else None
+    wrap = fitting if change.wrap is not None or fitting is identity.Wrap.TLS_CRYPT else None
     return replace(change, wrap=wrap, days=days)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import DeviceError, OutcomeUnknown
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.api import Command, CommandError, Endpoint, Reply, Session, SessionLost
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.vpn import routeros
 
 if TYPE_CHECKING:
@@ -66,12 +66,12 @@ class RouterImport:
 
     name: str
     site: str
-    endpoint: Endpoint
+    endpoint: api.Endpoint
     tunnel: routeros.Tunnel
     identity: Identity
     profile: Secret
     is_rehearsal: bool
-    notify: Subscriber
+    notify: events.Subscriber
 
     @property
     def mark(self) -> str:
@@ -80,8 +80,8 @@ class RouterImport:
 
     async def look(self) -> RouterObservation:
         """Read, and change nothing. Raises RouterTooOld, and what a session raises."""
-        self._say(Stage.CONNECTING, f"to {self.endpoint}")
-        session = await Session.open(self.endpoint)
+        self._say(events.Stage.CONNECTING, f"to {self.endpoint}")
+        session = await api.Session.open(self.endpoint)
         try:
             return await self._look(session)
         finally:
@@ -89,7 +89,7 @@ class RouterImport:
 
     async def carry_out(self) -> RouterObservation:
         """Do what a look has found missing; returns what it was. Raises DeviceFailed, OutcomeUnknown."""
-        session = await Session.open(self.endpoint)
+        session = await api.Session.open(self.endpoint)
         try:
             observation = await self._look(session)
             if observation.by_tunnel:
@@ -99,7 +99,7 @@ class RouterImport:
                 )
             try:
                 await self._import(session, observation)
-            except SessionLost as lost:
+            except api.SessionLost as lost:
                 raise OutcomeUnknown(
                     f"{self.name} was lost while its tunnel was imported: {lost}",
                     hint="type the same again: it goes on from there, and removes files that were left",
@@ -107,22 +107,22 @@ class RouterImport:
             remaining_changes = (await self._look(session)).changes
             if remaining_changes:
                 raise OutcomeUnknown(f"{self.name} does not hold what was imported: {'; '.join(remaining_changes)}")
-            self._say(Stage.CONFIRMED, f"{self.tunnel.name} is imported")
+            self._say(events.Stage.CONFIRMED, f"{self.tunnel.name} is imported")
             return observation
         finally:
             await session.close()
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
-    async def _look(self, session: Session) -> RouterObservation:
+    async def _look(self, session: api.Session) -> RouterObservation:
         reads = (
-            Command("/system/resource/print", ((".proplist", "version"),)),
-            Command(f"{_MENU}/print"),
-            Command(f"{_CERTIFICATES}/print", ((".proplist", ".id,name,fingerprint,private-key"),)),
-            Command("/file/print", ((".proplist", "name"),), (f"?name={PEM}", f"?name={PROFILE}", "?#|")),
-            Command("/ip/route/print", ((".proplist", "dst-address"),), (f"?gateway={self.tunnel.name}",)),
-            Command("/user/active/print", ((".proplist", "name,address,via"),)),
-            Command("/system/clock/print", ((".proplist", "date"),)),
+            api.Command("/system/resource/print", ((".proplist", "version"),)),
+            api.Command(f"{_MENU}/print"),
+            api.Command(f"{_CERTIFICATES}/print", ((".proplist", ".id,name,fingerprint,private-key"),)),
+            api.Command("/file/print", ((".proplist", "name"),), (f"?name={PEM}", f"?name={PROFILE}", "?#|")),
+            api.Command("/ip/route/print", ((".proplist", "dst-address"),), (f"?gateway={self.tunnel.name}",)),
+            api.Command("/user/active/print", ((".proplist", "name,address,via"),)),
+            api.Command("/system/clock/print", ((".proplist", "date"),)),
         )
         resource, *others = await session.flight(reads)
         self._check_version(resource)
@@ -152,7 +152,7 @@ class RouterImport:
             by_tunnel=is_replacement and self._comes_by(routes, active),
         )
 
-    def _check_version(self, resource: Reply) -> None:
+    def _check_version(self, resource: api.Reply) -> None:
         about = next(iter(resource.check().rows), {})
         try:
             version = Version.parse(about.get("version", ""))
@@ -211,7 +211,7 @@ class RouterImport:
 
     # --- doing -----------------------------------------------------------------------------------------------------
 
-    async def _import(self, session: Session, observation: RouterObservation) -> None:
+    async def _import(self, session: api.Session, observation: RouterObservation) -> None:
         for name in observation.files:
             await _do(session, "/file/remove", numbers=name)
         for number in observation.stale:
@@ -229,8 +229,8 @@ class RouterImport:
         await _do(session, f"{_MENU}/set", **{".id": number}, **properties, password=self.tunnel.password.reveal())
         await self._name(session, observation, certificate)
 
-    async def _import_certificate(self, session: Session, observation: RouterObservation) -> Mapping[str, str]:
-        self._say(Stage.APPLYING, f"certificate {self.tunnel.certificate}")
+    async def _import_certificate(self, session: api.Session, observation: RouterObservation) -> Mapping[str, str]:
+        self._say(events.Stage.APPLYING, f"certificate {self.tunnel.certificate}")
         authority = "" if observation.authority else self.identity.ca
         text = f"{self.identity.cert}{self.identity.key.reveal()}{authority}"
         async with self._file(session, PEM, text):
@@ -241,8 +241,8 @@ class RouterImport:
             raise DeviceError(f"{self.name} does not show the certificate that it has imported")
         return result
 
-    async def _import_interface(self, session: Session) -> str:
-        self._say(Stage.APPLYING, f"interface {self.tunnel.name}")
+    async def _import_interface(self, session: api.Session) -> str:
+        self._say(events.Stage.APPLYING, f"interface {self.tunnel.name}")
         async with self._file(session, PROFILE, self.profile.reveal()):
             arguments = {
                 "file-name": PROFILE,
@@ -261,7 +261,7 @@ class RouterImport:
             hint='on the router: `/log print where topics~"ovpn"`',
         )
 
-    async def _name(self, session: Session, observation: RouterObservation, certificate: Mapping[str, str]) -> None:
+    async def _name(self, session: api.Session, observation: RouterObservation, certificate: Mapping[str, str]) -> None:
         """Let the certificate have the declared name; the one before goes, with its key."""
         if certificate["name"] == self.tunnel.certificate:
             return
@@ -273,7 +273,7 @@ class RouterImport:
         await _do(session, f"{_CERTIFICATES}/set", **arguments)
 
     @asynccontextmanager
-    async def _file(self, session: Session, name: str, text: str) -> AsyncIterator[None]:
+    async def _file(self, session: api.Session, name: str, text: str) -> AsyncIterator[None]:
         """A file on the router for as long as this lasts; where the session is lost, a new one removes it."""
         try:
             await _do(session, "/file/add", name=name, contents=text)
@@ -281,18 +281,18 @@ class RouterImport:
         finally:
             await self._forget(session, name)
 
-    async def _forget(self, session: Session, name: str) -> None:
+    async def _forget(self, session: api.Session, name: str) -> None:
         try:
-            await session.command(Command("/file/remove", (("numbers", name),)))
-        except SessionLost:
+            await session.command(api.Command("/file/remove", (("numbers", name),)))
+        except api.SessionLost:
             try:
-                async with await Session.open(self.endpoint) as again:
-                    await again.command(Command("/file/remove", (("numbers", name),)))
+                async with await api.Session.open(self.endpoint) as again:
+                    await again.command(api.Command("/file/remove", (("numbers", name),)))
             except DeviceError:
                 return  # the loss itself is what is told; the next run finds the file
 
-    def _say(self, stage: Stage, message: str) -> None:
-        self.notify(Event(self.name, stage, message))
+    def _say(self, stage: events.Stage, message: str) -> None:
+        self.notify(events.Event(self.name, stage, message))
 
 
 _REPLACEMENT_NOTE = (
@@ -311,11 +311,11 @@ def _authority(identity: Identity) -> str:
     return pki.sha256(pki.load_cert(identity.ca))
 
 
-async def _do(session: Session, path: str, **arguments: str) -> None:
+async def _do(session: api.Session, path: str, **arguments: str) -> None:
     """One command; a refusal is told in the router's words."""
     try:
-        (await session.command(Command(path, tuple(arguments.items())))).check()
-    except CommandError as refused:
+        (await session.command(api.Command(path, tuple(arguments.items())))).check()
+    except api.CommandError as refused:
         raise DeviceError(
             str(refused), hint="nothing of a key is left on it in a file; type the same again when the reason is gone"
         ) from refused

@@ -12,11 +12,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.computers.parts import Check, Configuration, ConvergeStep, Directory, File, Package, Unit
+from atlantis_netcfg.computers import parts
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.inventory.model import Router, VpnServer
 from atlantis_netcfg.routeros.render import environment, template_folder
-from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, TIMERS, Certificate, Member, MemberLink, MembershipList
+from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.policy import TABLE, firewall
 
 if TYPE_CHECKING:
@@ -71,14 +71,14 @@ _FROM_OTHER_ROUTERS = tuple(
 )
 """What a kernel takes from routers that nobody declared."""
 KERNEL_STEPS = (
-    ConvergeStep("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
-    ConvergeStep("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
+    parts.ConvergeStep("let the kernel forward for the VPN", ("sysctl", "-q", "-p", _SYSCTL), (_SYSCTL,)),
+    parts.ConvergeStep("send members no ICMP redirects", ("sh", "-c", _NO_REDIRECTS), (_SYSCTL,)),
 )
 
 
-def system_files() -> Iterator[File]:
+def system_files() -> Iterator[parts.File]:
     """All of it but the configuration of OpenVPN itself; the same for every pilot."""
-    yield File(
+    yield parts.File(
         _SYSCTL,
         "# The VPN server routes between its members, as far as its firewall lets it.\nnet.ipv4.ip_forward = 1\n"
         "# Nobody is told of a way past it: an ICMP redirect would send members to each other.\n"
@@ -87,24 +87,24 @@ def system_files() -> Iterator[File]:
         "-net.ipv4.conf.*.send_redirects = 0\n"
         "# And nobody changes its own routes.\n" + "".join(f"-net.{key} = 0\n" for key in _FROM_OTHER_ROUTERS),
     )
-    yield File(_DROP_IN, _render("hardening.conf.j2"))
-    yield File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))
+    yield parts.File(_DROP_IN, _render("hardening.conf.j2"))
+    yield parts.File(f"{_UNITS}/{_FIREWALL_UNIT}", _render("firewall.service.j2", firewall=FIREWALL))
     program = (template_folder() / "openvpn" / "vpn_seen.py").read_text(encoding="utf-8")
-    yield File(_SEEN_PROGRAM, program, mode="0755")
-    yield File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
-    yield File(_UPGRADES, _render("apt-upgrades.conf.j2"))
-    yield File(_UPGRADE_DROP_IN, _render("upgraded.conf.j2", service=SERVICE))
-    yield File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
-    yield File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
-    yield File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
+    yield parts.File(_SEEN_PROGRAM, program, mode="0755")
+    yield parts.File(f"{_UNITS}/nftables.service.d/atlantis-vpn.conf", _render("nftables.conf.j2", firewall=FIREWALL))
+    yield parts.File(_UPGRADES, _render("apt-upgrades.conf.j2"))
+    yield parts.File(_UPGRADE_DROP_IN, _render("upgraded.conf.j2", service=SERVICE))
+    yield parts.File(_GUARD, _render("guard.service.j2", firewall=FIREWALL, table=TABLE))
+    yield parts.File(f"{_UNITS}/{_SEEN_SERVICE}", _render("seen.service.j2", program=_SEEN_PROGRAM))
+    yield parts.File(f"{_UNITS}/{_SEEN_TIMER}", _render("seen.timer.j2"))
 
 
-def system_units(keys: tuple[str, ...]) -> tuple[Unit, ...]:
+def system_units(keys: tuple[str, ...]) -> tuple[parts.Unit, ...]:
     """The firewall before the tunnel, which a change of `keys` or of the configuration starts anew, and no other."""
-    firewall = Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
-    tunnel = Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
-    seen_timer = Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
-    return firewall, tunnel, seen_timer, *(Unit(name, enabled=True, active=True) for name in _UPGRADE_TIMERS)
+    firewall = parts.Unit(_FIREWALL_UNIT, enabled=True, active=True, after=(FIREWALL,), reload=True)
+    tunnel = parts.Unit(SERVICE, enabled=True, active=True, after=(CONF, _DROP_IN, *keys))
+    seen_timer = parts.Unit(_SEEN_TIMER, enabled=True, active=True, after=(f"{_UNITS}/{_SEEN_TIMER}",))
+    return firewall, tunnel, seen_timer, *(parts.Unit(name, enabled=True, active=True) for name in _UPGRADE_TIMERS)
 
 
 def _render(template: str, **values: object) -> str:
@@ -124,7 +124,7 @@ installed=$(dpkg-query -W -f '${Version}' openvpn)
 archived=$(LC_ALL=C apt-cache policy openvpn | sed -n 's/^ *Candidate: //p')
 dpkg --compare-versions "$installed" ge "$archived"
 """
-IS_CURRENT = Check(
+IS_CURRENT = parts.Check(
     ("sh", "-c", _CURRENT),
     "the installed OpenVPN is older than the one in the archive of its system",
     "on the server: `apt-get update && apt-get install --only-upgrade openvpn`, then `systemctl restart "
@@ -170,8 +170,8 @@ _FOREIGN = (
 class OpenvpnServer:
     """What the role installs and configures."""
 
-    packages: tuple[Package, ...]
-    configuration: Configuration
+    packages: tuple[parts.Package, ...]
+    configuration: parts.Configuration
     secrets: Mapping[str, Path]
     """Path on the server to the file of the authority whose content belongs there, which is nowhere in here."""
 
@@ -186,7 +186,9 @@ class OpenvpnServer:
         }
 
 
-def openvpn_server(declaration: Declaration, host: Host, membership: MembershipList, authority: Path) -> OpenvpnServer:
+def openvpn_server(
+    declaration: Declaration, host: Host, membership: identity.MembershipList, authority: Path
+) -> OpenvpnServer:
     """Work it out; of the authority's folder the public files are read. Raises UsageError where one is missing."""
     ca, cert = (_read(authority, name).decode("ascii") for name in ("ca.crt", "server/server.crt"))
     crl = _read(authority, "crl.pem")
@@ -196,16 +198,16 @@ def openvpn_server(declaration: Declaration, host: Host, membership: MembershipL
             raise _missing(authority, str(source.relative_to(authority)))
     text = server_conf(declaration, host)
     files = (
-        File(_CA, ca),
-        File(_CERT, cert),
-        File(CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=NO_CONF),
+        parts.File(_CA, ca),
+        parts.File(_CERT, cert),
+        parts.File(CONF, text, validate=("openvpn", "--config", "%s", "--show-ciphers"), hint=NO_CONF),
         *system_files(),
         *live_files(declaration, membership, crl, ca=ca),
     )
     return OpenvpnServer(
-        packages=tuple(Package(name) for name in PACKAGES),
-        configuration=Configuration(
-            directories=(Directory(FOLDER, mode="0750"), Directory(CCD, mode="0750")),
+        packages=tuple(parts.Package(name) for name in PACKAGES),
+        configuration=parts.Configuration(
+            directories=(parts.Directory(FOLDER, mode="0750"), parts.Directory(CCD, mode="0750")),
             files=files,
             only=(CCD,),
             steps=KERNEL_STEPS,
@@ -216,7 +218,9 @@ def openvpn_server(declaration: Declaration, host: Host, membership: MembershipL
     )
 
 
-def live_files(declaration: Declaration, membership: MembershipList, crl: bytes, *, ca: str = "") -> tuple[File, ...]:
+def live_files(
+    declaration: Declaration, membership: identity.MembershipList, crl: bytes, *, ca: str = ""
+) -> tuple[parts.File, ...]:
     """What changes while the tunnel is up: who is admitted as what, who is revoked, and the firewall between them.
 
     With `ca`, its certificate in PEM, the server holds the list against it before it takes its place.
@@ -224,12 +228,12 @@ def live_files(declaration: Declaration, membership: MembershipList, crl: bytes,
     validation = ("sh", "-c", _SIGNATURE_CHECK, "sh", "%s", ca, _LIST) if ca else ()
     return (
         *(
-            File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
+            parts.File(f"{CCD}/{certificate.common_name}", ccd(member, certificate, declaration), mode="0640")
             for member, certificate in sorted(membership.certificates(), key=lambda pair: pair[1].common_name)
             if certificate.good
         ),
-        File(_LIST, crl.decode("ascii"), validate=validation, hint=_FOREIGN if ca else ""),
-        File(FIREWALL, firewall(declaration, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
+        parts.File(_LIST, crl.decode("ascii"), validate=validation, hint=_FOREIGN if ca else ""),
+        parts.File(FIREWALL, firewall(declaration, membership), mode="0600", validate=("nft", "-c", "-f", "%s")),
     )
 
 
@@ -239,7 +243,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     device = host.device
     assert isinstance(device, VpnServer)  # noqa: S101 - callers give the server
     udp = vpn.transport.value == "udp"
-    ping_s, ping_restart_s = TIMERS[MemberLink.FIBRE]
+    ping_s, ping_restart_s = identity.TIMERS[identity.MemberLink.FIBRE]
     local = tunnel_address(declaration, host)
     view = {
         "proto": "udp4" if udp else "tcp4-server",
@@ -258,7 +262,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
         "max_clients": vpn.max_clients,
         "new_clients_per_10_s": vpn.new_clients_per_10_s,
         "ping_s": ping_s,
-        "renegotiation_s": RENEGOTIATION_S,
+        "renegotiation_s": identity.RENEGOTIATION_S,
         "ping_restart_s": ping_restart_s,
         "exit_notify": udp,
         "management": MANAGEMENT,
@@ -267,7 +271,7 @@ def server_conf(declaration: Declaration, host: Host) -> str:
     return environment().get_template("openvpn/server.conf.j2").render(server=view)
 
 
-def ccd(member: Member, certificate: Certificate, declaration: Declaration) -> str:
+def ccd(member: identity.Member, certificate: identity.Certificate, declaration: Declaration) -> str:
     """Render what OpenVPN reads under the name of a certificate: address, timers, and the networks behind the member.
 
     Raises UsageError for a name that is no file name of ours, and for an address outside the VPN: OpenVPN completes
@@ -285,7 +289,7 @@ def ccd(member: Member, certificate: Certificate, declaration: Declaration) -> s
         "address": member.address,
         "netmask": vpn.network.netmask,
         "networks": tuple(_behind(declaration, member.name)) if member.partner is None else (),
-        "timers": TIMERS[member.link] if member.link is not MemberLink.FIBRE else None,
+        "timers": identity.TIMERS[member.link] if member.link is not identity.MemberLink.FIBRE else None,
     }
     return environment().get_template("openvpn/ccd.j2").render(member=view)
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.model import Gateway, OpenVpnVersion, RosDistribution
-from atlantis_netcfg.vpn.identity import SYSTEMS, ClientSystem, Member, MemberKind, Wrap
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.vpn import identity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,23 +17,23 @@ if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
 
 
-UBUNTU: Mapping[RosDistribution, tuple[str, OpenVpnVersion]] = {
-    RosDistribution.FOXY: ("20.04", OpenVpnVersion.V2_4),
-    RosDistribution.HUMBLE: ("22.04", OpenVpnVersion.V2_5),
-    RosDistribution.JAZZY: ("24.04", OpenVpnVersion.V2_6),
+UBUNTU: Mapping[model.RosDistribution, tuple[str, model.OpenVpnVersion]] = {
+    model.RosDistribution.FOXY: ("20.04", model.OpenVpnVersion.V2_4),
+    model.RosDistribution.HUMBLE: ("22.04", model.OpenVpnVersion.V2_5),
+    model.RosDistribution.JAZZY: ("24.04", model.OpenVpnVersion.V2_6),
 }
 """The Ubuntu that a release of ROS 2 is made for (REP 2000), and the OpenVPN in its archive."""
 
 
-def system_of(member: Member) -> ClientSystem | None:
+def system_of(member: identity.Member) -> identity.ClientSystem | None:
     """What the tunnel of a member is started on: what was said, or the only system of its kind; None: not known."""
-    possible = SYSTEMS[member.kind]
+    possible = identity.SYSTEMS[member.kind]
     return possible[0] if len(possible) == 1 else member.system
 
 
 def distribution(
-    declaration: Declaration, vehicle: str | None, onboarding_release: RosDistribution | None = None
-) -> RosDistribution | None:
+    declaration: Declaration, vehicle: str | None, onboarding_release: model.RosDistribution | None = None
+) -> model.RosDistribution | None:
     """The release of ROS 2 on a device: the vehicle's, else what was typed at onboarding, else the pilot's."""
     vehicle_config = declaration.vehicles.get(vehicle or "")
     pilot = declaration.pilot.dds.distribution if declaration.pilot.dds is not None else None
@@ -42,18 +42,18 @@ def distribution(
 
 def openvpn(
     declaration: Declaration,
-    kind: MemberKind,
+    kind: identity.MemberKind,
     vehicle: str | None,
     *,
-    version: OpenVpnVersion | None = None,
-    release: RosDistribution | None = None,
-) -> OpenVpnVersion | None:
+    version: model.OpenVpnVersion | None = None,
+    release: model.RosDistribution | None = None,
+) -> model.OpenVpnVersion | None:
     """The OpenVPN on a partner's device; None where nothing tells it: then it is taken for 2.5 or later.
 
     `version` and `release` are the words of a command. A version counts more than what follows from a release of ROS 2,
     and the vehicle more than the pilot.
     """
-    if kind is not MemberKind.ROBOT:
+    if kind is not identity.MemberKind.ROBOT:
         return version or (UBUNTU[release][1] if release is not None else None)
     vehicle_config = declaration.vehicles.get(vehicle or "")
     if vehicle_config is not None and vehicle_config.openvpn is not None:
@@ -67,27 +67,27 @@ def openvpn(
     return UBUNTU[effective_release][1] if effective_release is not None else None
 
 
-_WITH_COOKIES = frozenset({OpenVpnVersion.V2_6, OpenVpnVersion.V2_7})
+_WITH_COOKIES = frozenset({model.OpenVpnVersion.V2_6, model.OpenVpnVersion.V2_7})
 
 
-def wrap_for(version: OpenVpnVersion | None, *, force_cookie: bool = False) -> Wrap:
+def wrap_for(version: model.OpenVpnVersion | None, *, force_cookie: bool = False) -> identity.Wrap:
     """The best key with which the server admits a client of this version.
 
     Only OpenVPN from 2.6 on answers the cookie of a server that insists on it (`force-cookie`, openvpn(8)); 2.5 was
     seen to be left without an answer, and of RouterOS nobody has shown it.
     """
     if force_cookie:
-        return Wrap.TLS_CRYPT_V2 if version in _WITH_COOKIES else Wrap.TLS_CRYPT
-    return Wrap.TLS_CRYPT if version is OpenVpnVersion.V2_4 else Wrap.TLS_CRYPT_V2
+        return identity.Wrap.TLS_CRYPT_V2 if version in _WITH_COOKIES else identity.Wrap.TLS_CRYPT
+    return identity.Wrap.TLS_CRYPT if version is model.OpenVpnVersion.V2_4 else identity.Wrap.TLS_CRYPT_V2
 
 
-def wrap_of_host(declaration: Declaration, host: Host) -> Wrap:
+def wrap_of_host(declaration: Declaration, host: Host) -> identity.Wrap:
     """The best key for a computer or router of ours: a gateway's Ubuntu 20.04 has OpenVPN 2.4 (facts 10)."""
-    version = OpenVpnVersion.V2_4 if isinstance(host.device, Gateway) else None
+    version = model.OpenVpnVersion.V2_4 if isinstance(host.device, model.Gateway) else None
     return wrap_for(version, force_cookie=declaration.pilot.vpn.force_cookie)
 
 
-def wrap_of(declaration: Declaration, member: Member) -> Wrap:
+def wrap_of(declaration: Declaration, member: identity.Member) -> identity.Wrap:
     """The best key for a member, as far as its OpenVPN is known."""
     host = declaration.hosts.get(member.name) if member.partner is None else None
     if host is not None:

@@ -9,7 +9,7 @@ thing is.
 
 from __future__ import annotations
 
-from atlantis_netcfg.checklist.probes.step import (
+from atlantis_netcfg.checklist.probes.base import (
     INTEGRATION,
     ITEMS,
     ROBOT,

@@ -12,6 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
 from atlantis_netcfg.checklist.probes.ping import (
     NeighbourPing,
@@ -24,22 +26,6 @@ from atlantis_netcfg.checklist.probes.ping import (
     read_route,
     route_request,
 )
-from atlantis_netcfg.checklist.probes.step import (
-    PLACES,
-    Answer,
-    Cell,
-    Place,
-    ProbeResult,
-    Question,
-    RouterOsQuery,
-    Rows,
-    Step,
-    no_answer_finding,
-    not_run,
-    read,
-    rows_of,
-)
-from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import ETHERNET, EthernetEndpoint
 from atlantis_netcfg.links import BearerFinding
@@ -57,34 +43,36 @@ _PORT_VALUES = (("rate", "rate"), ("full-duplex", "full duplex"), ("rx-error", "
 _MORE = (("tx-error", "frames not sent"), ("link-downs", "times that the link was lost"))
 
 
-def port_requests(router: str, port: str) -> tuple[RouterOsQuery, ...]:
+def port_requests(router: str, port: str) -> tuple[base.RouterOsQuery, ...]:
     """Give the questions about a port."""
     return (
-        RouterOsQuery("monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))),
-        RouterOsQuery("interfaces", router, Query("/interface", "print", (), _COUNTERS)),
+        base.RouterOsQuery(
+            "monitor", router, Query("/interface/ethernet", "monitor", (("numbers", port), ("once", "")))
+        ),
+        base.RouterOsQuery("interfaces", router, Query("/interface", "print", (), _COUNTERS)),
     )
 
 
-def judge_port(router: str, port: str, results: Mapping[str, Answer]) -> ProbeResult:
+def judge_port(router: str, port: str, results: Mapping[str, base.Answer]) -> base.ProbeResult:
     """Judge the port; a menu that the router does not have is left out."""
     answers = [results.get(name) for name in ("monitor", "interfaces")]
-    if all(not isinstance(answer, Rows) or answer.trouble is not None for answer in answers):
-        return ProbeResult((no_answer_finding(router, answers[0]),))
-    monitor, interfaces = (rows_of(result) for result in answers)
+    if all(not isinstance(answer, base.Rows) or answer.trouble is not None for answer in answers):
+        return base.ProbeResult((base.no_answer_finding(router, answers[0]),))
+    monitor, interfaces = (base.rows_of(result) for result in answers)
     interface = None if interfaces is None else next((row for row in interfaces if row.get("name") == port), None)
     socket = next((row for row in interfaces or () if row.get("default-name") == port), None)
     if (socket or {}).get("name", port) != port or (interface or {}).get("default-name", port) != port:
         problem = f"is called {socket['name']} there" if socket is not None else "is another socket there"
         message = f"port {port} of {router} {problem}, so that what is told under that name is not about it"
         hint = "run the site, which gives ports their names back"
-        return ProbeResult((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
+        return base.ProbeResult((BearerFinding(Verdict.FAIL, "port-renamed", message, hint),))
     if interfaces is not None and interface is None:
         message = f"{router} has no port {port}"
         hint = "correct `endpoints.ethernet.router_port`: the name is the router's own"
-        return ProbeResult((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
+        return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-port", message, hint),))
     local = [row for row in monitor or () if row.get("name", port) == port]
     values = {**(interface or {}), **(local[0] if local else {})}
-    return ProbeResult(tuple(_findings(router, port, values)), _evidence(router, port, values))
+    return base.ProbeResult(tuple(_findings(router, port, values)), _evidence(router, port, values))
 
 
 def _findings(router: str, port: str, values: Mapping[str, str]) -> Iterator[BearerFinding]:
@@ -122,9 +110,11 @@ def _quality(router: str, port: str, values: Mapping[str, str]) -> Iterator[Bear
             )
 
 
-def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[Evidence, ...]:
+def _evidence(router: str, port: str, values: Mapping[str, str]) -> tuple[report.Evidence, ...]:
     where = f"at port {port} of {router}"
-    return tuple(read(f"{words} {where}", values[name]) for name, words in (*_PORT_VALUES, *_MORE) if values.get(name))
+    return tuple(
+        base.read(f"{words} {where}", values[name]) for name, words in (*_PORT_VALUES, *_MORE) if values.get(name)
+    )
 
 
 FAIL_LOSS_PERCENT = 10.0
@@ -141,7 +131,7 @@ class CabledProbe:
     """
 
     name: str
-    place: Place
+    place: base.Place
     endpoint: EthernetEndpoint
     address: str | None
     mac: str | None
@@ -149,7 +139,7 @@ class CabledProbe:
     router: str | None
     """Whose port is looked at; None: no port is declared."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Give the ping with the way and the card behind it, and the router's port."""
         port = self.endpoint.router_port
         ports = () if self.router is None or port is None else port_requests(self.router, port)
@@ -158,38 +148,42 @@ class CabledProbe:
         way, ping = route_request(self.place, self.address), ping_request(self.place, self.address)
         return (way, ping, neighbour_request(self.place, self.address), *ports)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the port, the ping and the card, in this order: a port without a link explains the rest."""
         port = self.endpoint.router_port
-        port_result = ProbeResult(()) if self.router is None or port is None else judge_port(self.router, port, results)
+        port_result = (
+            base.ProbeResult(()) if self.router is None or port is None else judge_port(self.router, port, results)
+        )
         ping_result = self._judge_reachability(results)
-        return ProbeResult(
+        return base.ProbeResult(
             (*port_result.findings, *ping_result.findings), (*ping_result.evidence, *port_result.evidence)
         )
 
-    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         if self.address is None:
             message = f"no address of {self.name} is known here: it was not asked whether it answers"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.ethernet.address`"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
         way = read_route(results.get("route"), self.address)
-        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
-            message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
+        if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
+            message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = "is its cable plugged in, and has it an address of the site's LAN? On it: ip -br addr"
-            return ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
         if local := tuple(own_address(self.place, self.name, self.address, way)):
-            return ProbeResult(local)
+            return base.ProbeResult(local)
         target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
         ping_result = judge_ping(target, results.get("ping"))
         card = read_neighbour(results.get("neigh"), self.address)
-        route_evidence = () if way is None else (read(f"way from {PLACES[self.place]}", way.interface),)
-        card_evidence = () if card is None else (read(f"network card that answers for {self.address}", card),)
+        route_evidence = () if way is None else (base.read(f"way from {base.PLACES[self.place]}", way.interface),)
+        card_evidence = () if card is None else (base.read(f"network card that answers for {self.address}", card),)
         whose = tuple(self._cards(card, way)) if ping_result.verdict in {Verdict.PASS, Verdict.WARN} else ()
-        return ProbeResult((*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence))
+        return base.ProbeResult(
+            (*ping_result.findings, *whose), (*ping_result.evidence, *route_evidence, *card_evidence)
+        )
 
     def _cards(self, card: str | None, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
         """Say whose card has answered; on the segment somebody has, and behind a router nobody can see it."""
-        if self.place is Place.GATEWAY and way is not None and way.by is not None:
+        if self.place is base.Place.GATEWAY and way is not None and way.by is not None:
             message = f"packets to {self.name} ({self.address}) leave by way of {way.by}: it is not on the site's cable"
             hint = "plug it into a port of the site's LAN, with an address of the LAN; or correct `endpoints.ethernet`"
             yield BearerFinding(Verdict.FAIL, "not-on-the-cable", message, hint)
@@ -198,7 +192,7 @@ class CabledProbe:
             hint = "declare `endpoints.ethernet.mac`, or reserve its address in `site.lan.reservations`"
             yield BearerFinding(Verdict.WARN, "whose-unknown", message, hint)
         elif card is None:
-            message = f"{PLACES[self.place]} does not tell which network card answers for {self.address}"
+            message = f"{base.PLACES[self.place]} does not tell which network card answers for {self.address}"
             hint = "ask from a computer in the site's LAN, or unplug the cable and see that the pings end"
             yield BearerFinding(Verdict.INCONCLUSIVE, "card-unseen", message, hint)
         elif card != self.mac:
@@ -207,7 +201,7 @@ class CabledProbe:
             yield BearerFinding(Verdict.FAIL, "other-card", message, hint)
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the cables that lead away from a location, and the row's own cable where it is declared."""
     links = link_steps(
         cell,
@@ -220,7 +214,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return links or (_by_a_person(cell),)
 
 
-def _cable_step(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
+def _cable_step(cell: base.Cell, endpoint: EthernetEndpoint, name: str) -> base.Step:
     router = cell.router
     seen_by = endpoint.seen_by or (router.name if router is not None else None)
     probe = CabledProbe(
@@ -231,22 +225,22 @@ def _cable_step(cell: Cell, endpoint: EthernetEndpoint, name: str) -> Step:
         mac=reserved_mac(cell, endpoint.mac),
         router=seen_by if endpoint.router_port is not None else None,
     )
-    return Step(
+    return base.Step(
         name=name,
         title=f"{cell.name} answers on the site's cable without loss",
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=probe,
         concerns=() if seen_by is None else (seen_by,),
     )
 
 
-def _by_a_person(cell: Cell) -> Step:
-    return Step(
+def _by_a_person(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="",
         title=f"Ethernet of {cell.name} works",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=f"Plug {cell.name} into a LAN port of the site, and ping the gateway from it twenty times.",
         look_for="The lamps of both ends are lit, and all pings are answered.",
     )

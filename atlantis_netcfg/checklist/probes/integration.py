@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.robot import (
     discovery_step,
     pose_of_the_library,
@@ -15,7 +16,6 @@ from atlantis_netcfg.checklist.probes.robot import (
     unreadable,
     vpn_step,
 )
-from atlantis_netcfg.checklist.probes.step import EvidenceRequest, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.inventory.model import EvidenceKind
 from atlantis_netcfg.inventory.model.robot import TopicKind
@@ -23,7 +23,6 @@ from atlantis_netcfg.inventory.model.robot import TopicKind
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Cell
     from atlantis_netcfg.inventory.model.robot import RobotFile
 
 _TOPICS: Mapping[TopicKind, tuple[str, str]] = {
@@ -36,7 +35,7 @@ _TOPICS: Mapping[TopicKind, tuple[str, str]] = {
 }
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Everything of one robot, in the report's order."""
     if cell.robots is None or cell.vehicle is None:
         return ()
@@ -45,7 +44,7 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return tuple(replace(step, phase=Phase.INTEGRATION) for step in every)
 
 
-def _of(cell: Cell, robot: RobotFile) -> Iterator[Step]:
+def _of(cell: base.Cell, robot: RobotFile) -> Iterator[base.Step]:
     yield vpn_step("vpn", cell)
     yield discovery_step("discovery", cell)
     kinds = {topic.kind for topic in robot.topics()}
@@ -71,15 +70,15 @@ def _of(cell: Cell, robot: RobotFile) -> Iterator[Step]:
         )
 
 
-def _by_a_person(name: str, title: str, do: str, look_for: str) -> Step:
-    return Step(
+def _by_a_person(name: str, title: str, do: str, look_for: str) -> base.Step:
+    return base.Step(
         name=name,
         title=title,
         kind=ItemKind.PERSON,
         phase=Phase.INTEGRATION,
         do=do,
         look_for=look_for,
-        evidence=EvidenceRequest(EvidenceKind.TEXT),
+        evidence=base.EvidenceRequest(EvidenceKind.TEXT),
     )
 
 

@@ -11,39 +11,24 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.step import (
-    PLACES,
-    Answer,
-    Cell,
-    CommandResult,
-    EvidenceRequest,
-    Place,
-    ProbeResult,
-    Question,
-    RunProgram,
-    Step,
-    declared_evidence,
-    not_run,
-    read,
-)
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.report import Evidence, ItemKind
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import ItemSort, SeenFrom
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import CheckItem
 
-_PLACES = {SeenFrom.GATEWAY: Place.GATEWAY, SeenFrom.LAPTOP: Place.LAPTOP}
+_PLACES = {model.SeenFrom.GATEWAY: base.Place.GATEWAY, model.SeenFrom.LAPTOP: base.Place.LAPTOP}
 _LONGEST = 200
 """Letters of a line that is shown."""
 
 
-def items_of(cell: Cell) -> Iterator[CheckItem]:
+def items_of(cell: base.Cell) -> Iterator[model.CheckItem]:
     """What is declared for a row: a vehicle's own first, then what the site asks, then what the mission asks."""
     settings = cell.site_config.checklist
     if cell.vehicle is not None:
@@ -52,23 +37,23 @@ def items_of(cell: Cell) -> Iterator[CheckItem]:
     yield from (item for items in lists for item in items if item.vehicle == cell.vehicle)
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Make a step of each."""
     return tuple(_step(cell.declaration, item) for item in items_of(cell))
 
 
-def _step(declaration: Declaration, item: CheckItem) -> Step:
-    if item.kind is ItemSort.COMMAND:
+def _step(declaration: Declaration, item: model.CheckItem) -> base.Step:
+    if item.kind is model.ItemSort.COMMAND:
         probe = ExpectedLine(_PLACES[item.seen_from], item.command or "", item.expect or "")
-        return Step(name=item.id, title=item.text, kind=ItemKind.AUTOMATIC, phase=item.phase, probe=probe)
-    return Step(
+        return base.Step(name=item.id, title=item.text, kind=ItemKind.AUTOMATIC, phase=item.phase, probe=probe)
+    return base.Step(
         name=item.id,
         title=item.text,
         kind=ItemKind.PERSON,
         phase=item.phase,
         look_for=item.look_for or "",
         by=people(declaration, item.by),
-        evidence=EvidenceRequest(item.evidence, item.unit or "", item.min, item.max),
+        evidence=base.EvidenceRequest(item.evidence, item.unit or "", item.min, item.max),
     )
 
 
@@ -82,48 +67,48 @@ def people(declaration: Declaration, words: Iterable[str]) -> tuple[str, ...]:
 class ExpectedLine:
     """A program prints a line that is declared."""
 
-    place: Place
+    place: base.Place
     command: str
     expect: str
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Run it."""
-        return (RunProgram("output", self.place, tuple(self.command.split())),)
+        return (base.RunProgram("output", self.place, tuple(self.command.split())),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Look for the line; a program that has failed is never green, whatever it printed."""
         ran = results["output"]
-        program, where = self.command.partition(" ")[0], PLACES[self.place]
-        not_there = tuple(not_run(self.place, program, ran))
-        evidence = (declared_evidence(f"line expected from `{self.command}` on {where}", self.expect),)
-        if not_there or not isinstance(ran, CommandResult):
-            return ProbeResult(not_there, evidence)
+        program, where = self.command.partition(" ")[0], base.PLACES[self.place]
+        not_there = tuple(base.not_run(self.place, program, ran))
+        evidence = (base.declared_evidence(f"line expected from `{self.command}` on {where}", self.expect),)
+        if not_there or not isinstance(ran, base.CommandResult):
+            return base.ProbeResult(not_there, evidence)
         every = [line.strip() for line in ran.out.splitlines() if line.strip()]
         pattern = re.compile(".*".join(map(re.escape, self.expect.strip().split("*"))))
         line = next((line for line in every if pattern.fullmatch(line)), None)
         if line is None:
-            return ProbeResult(
+            return base.ProbeResult(
                 (self._other(where, ran),), (*evidence, *self._line_evidence(nearest(self.expect, every)))
             )
         if ran.rc != 0:
-            return ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
+            return base.ProbeResult((self._exit_finding(where, ran),), (*evidence, *self._line_evidence(line)))
         message = f"`{self.command}` prints on {where} what is declared"
-        return ProbeResult(
+        return base.ProbeResult(
             (BearerFinding(Verdict.PASS, "line-found", message),), (*evidence, *self._line_evidence(line))
         )
 
     def _line_evidence(self, line: str | None) -> tuple[Evidence, ...]:
         if line is None or self.command.startswith("cat "):
             return ()
-        return (read(f"line of `{self.command}`", line[:_LONGEST]),)
+        return (base.read(f"line of `{self.command}`", line[:_LONGEST]),)
 
-    def _other(self, where: str, ran: CommandResult) -> BearerFinding:
+    def _other(self, where: str, ran: base.CommandResult) -> BearerFinding:
         message = f"`{self.command}` prints on {where} no line `{self.expect}`"
         if ran.rc != 0:
             message += f"; it ended with {ran.rc}"
         hint = f"type `{self.command}` on {where} and look; mend it, or correct `expect:` of the item"
         return BearerFinding(Verdict.FAIL, "line-missing", message, hint)
 
-    def _exit_finding(self, where: str, ran: CommandResult) -> BearerFinding:
+    def _exit_finding(self, where: str, ran: base.CommandResult) -> BearerFinding:
         message = f"`{self.command}` prints on {where} what is declared, but it ended with {ran.rc}"
         return BearerFinding(Verdict.INCONCLUSIVE, "program-failed", message, f"type it on {where} and look")

@@ -15,23 +15,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.step import (
-    LinkStatusRequest,
-    LinkStatusResult,
-    ProbeResult,
-    Step,
-    no_answer_finding,
-    read,
-)
-from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Bearer, Column
 from atlantis_netcfg.links import BearerFinding, LinkState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
-
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell
 
 
 _UNITS = {"_dbm": "dBm", "_db": "dB", "_ms": "ms", "_percent": "%", "_mbps": "Mbit/s", "_s": "s", "_bytes": "bytes"}
@@ -42,14 +33,14 @@ _HINT = "look at the box of this link, then ask again"
 """Where whoever found it gives none."""
 
 
-def bearers(cell: Cell, column: str) -> tuple[Bearer, ...]:
+def bearers(cell: base.Cell, column: str) -> tuple[Bearer, ...]:
     """Give the links of a column that the row has: a location has those of its site, a vehicle none."""
     if cell.vehicle is not None:
         return ()
     return tuple(bearer for bearer in cell.site_config.bearers if bearer.kind.traits.column == column)
 
 
-def boxes(cell: Cell, bearer: Bearer) -> tuple[str, ...]:
+def boxes(cell: base.Cell, bearer: Bearer) -> tuple[str, ...]:
     """Give the hosts that a link's item speaks of: the box at this end and, of a bridge, the one at the other."""
     box = cell.declaration.hosts.get(bearer.device or "")
     peer = getattr(getattr(box.device, "ptp", None), "peer", None) if box is not None else None
@@ -80,36 +71,36 @@ class BearerProbe:
     good: Callable[[Mapping[str, Any]], BearerFinding | None] = well
     """What is said of a link that nothing is wrong with; None: nothing has been seen of it."""
 
-    def asks(self) -> tuple[LinkStatusRequest, ...]:
+    def asks(self) -> tuple[base.LinkStatusRequest, ...]:
         """One look at the site's links serves all who ask."""
-        return (LinkStatusRequest("look", self.bearer),)
+        return (base.LinkStatusRequest("look", self.bearer),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Take over what was found of the link."""
         answer = results.get("look")
-        if not isinstance(answer, LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
-            return ProbeResult((no_answer_finding(f"the boxes of {self.bearer}", answer),))
+        if not isinstance(answer, base.LinkStatusResult) or answer.trouble is not None or answer.bearer is None:
+            return base.ProbeResult((base.no_answer_finding(f"the boxes of {self.bearer}", answer),))
         values = answer.bearer
         findings = tuple(_findings(values))
         finding = self.good(values)
-        return ProbeResult(
+        return base.ProbeResult(
             (*((finding,) if finding is not None else ()), *findings) or (_unseen(self.bearer),), _evidence(values)
         )
 
 
 def link_steps(
-    cell: Cell,
+    cell: base.Cell,
     column: str,
     title: Callable[[Bearer], str],
     good: Callable[[Mapping[str, Any]], BearerFinding | None] = well,
-) -> tuple[Step, ...]:
+) -> tuple[base.Step, ...]:
     """Give one item a link of a column; the first is the column's own, the others bear the names of their links."""
     return tuple(
-        Step(
+        base.Step(
             name=bearer.name if number else "",
             title=title(bearer),
-            kind=ItemKind.AUTOMATIC,
-            phase=Phase.BENCH,
+            kind=report.ItemKind.AUTOMATIC,
+            phase=report.Phase.BENCH,
             probe=BearerProbe(bearer.name, good),
             concerns=boxes(cell, bearer),
         )
@@ -129,16 +120,16 @@ def _findings(values: Mapping[str, Any]) -> Iterator[BearerFinding]:
         yield BearerFinding(verdict, item["code"], item["message"], hint)
 
 
-def _evidence(values: Mapping[str, Any]) -> tuple[Evidence, ...]:
+def _evidence(values: Mapping[str, Any]) -> tuple[report.Evidence, ...]:
     quality = (values.get("quality") or {}).items()
     of = f"of {values['box']}" if values.get("box") else "of the link"
     readings = [
-        read(f"{name} {of}", value, unit)
+        base.read(f"{name} {of}", value, unit)
         for key, value in quality
         if value is not None
         for name, unit in [_split_name(key)]
     ]
-    return (read(f"state {of}", values.get("state", "unknown")), *readings)
+    return (base.read(f"state {of}", values.get("state", "unknown")), *readings)
 
 
 def _split_name(key: str) -> tuple[str, str]:
@@ -147,7 +138,7 @@ def _split_name(key: str) -> tuple[str, str]:
     return key.removesuffix(end).replace("_", " "), _UNITS.get(end, "")
 
 
-def reserved_mac(cell: Cell, mac: object) -> str | None:
+def reserved_mac(cell: base.Cell, mac: object) -> str | None:
     """Give the declared MAC address, else that of the row's DHCP reservation, in upper case; None: nobody says."""
     if mac is not None:
         return str(mac).upper()
@@ -155,7 +146,7 @@ def reserved_mac(cell: Cell, mac: object) -> str | None:
     return next((str(reservation.mac).upper() for reservation in reservations), None)
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the units of a location, else something for a person."""
     links = link_steps(
         cell,
@@ -177,12 +168,12 @@ def _check_registration(values: Mapping[str, Any]) -> BearerFinding | None:
     return BearerFinding(up.verdict, up.code, f"{up.message}; the unit says: {words}{network}")
 
 
-def _lte_by_a_person(cell: Cell) -> Step:
-    return Step(
+def _lte_by_a_person(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="",
         title=f"4G of {cell.name} works",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=f"Open the page of the 4G unit of {cell.name}, then load a page over it with every other link unplugged."
         " Enter no PIN: three wrong ones lock the SIM.",
         look_for="The unit is registered, at home or roaming as the SIM's contract has it, and the page loads.",

@@ -13,16 +13,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.step import (
-    PLACES,
-    Answer,
-    CommandResult,
-    Place,
-    ProbeResult,
-    RunProgram,
-    measured_evidence,
-    not_run,
-)
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 
@@ -54,22 +45,22 @@ class NetworkCard:
     """The bridge that it is a port of."""
 
 
-def route_request(place: Place, address: str) -> RunProgram:
+def route_request(place: base.Place, address: str) -> base.RunProgram:
     """Give the question; its answer's name is `route`."""
-    return RunProgram("route", place, ("ip", "-j", "route", "get", address))
+    return base.RunProgram("route", place, ("ip", "-j", "route", "get", address))
 
 
-def card_request(place: Place, interface: str) -> RunProgram:
+def card_request(place: base.Place, interface: str) -> base.RunProgram:
     """Give the question; its answer's name is `addr`."""
-    return RunProgram("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
+    return base.RunProgram("addr", place, ("ip", "-j", "addr", "show", "dev", interface))
 
 
-def neighbour_request(place: Place, address: str) -> RunProgram:
+def neighbour_request(place: base.Place, address: str) -> base.RunProgram:
     """Give the question; its answer's name is `neigh`, and it is asked after a ping that stands before it."""
-    return RunProgram("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
+    return base.RunProgram("neigh", place, ("ip", "-j", "neigh", "show", "to", address), turn=address)
 
 
-def read_route(answer: Answer | None, address: str) -> NeighbourRoute | None:
+def read_route(answer: base.Answer | None, address: str) -> NeighbourRoute | None:
     """Read a route; None: there is none, or it is not understood."""
     for row in _rows(answer):
         if isinstance(row.get("dev"), str) and row.get("dst") == address:
@@ -78,7 +69,7 @@ def read_route(answer: Answer | None, address: str) -> NeighbourRoute | None:
     return None
 
 
-def read_card(answer: Answer | None) -> NetworkCard | None:
+def read_card(answer: base.Answer | None) -> NetworkCard | None:
     """Read an interface; None: there is none, or it is not understood."""
     for row in _rows(answer):
         flags = row.get("flags")
@@ -88,7 +79,7 @@ def read_card(answer: Answer | None) -> NetworkCard | None:
     return None
 
 
-def read_neighbour(answer: Answer | None, address: str) -> str | None:
+def read_neighbour(answer: base.Answer | None, address: str) -> str | None:
     """Read which card has answered for an address, in upper case; None: none of late, which proves nothing."""
     for row in _rows(answer):
         is_match = isinstance(row.get("lladdr"), str) and row.get("dst") == address
@@ -97,16 +88,16 @@ def read_neighbour(answer: Answer | None, address: str) -> str | None:
     return None
 
 
-def own_address(place: Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
+def own_address(place: base.Place, name: str, address: str, way: NeighbourRoute | None) -> Iterator[BearerFinding]:
     """Say that an address is that of the computer that asks, whose own answers tell nothing of anybody else."""
     if way is not None and way.interface == _LOOPBACK:
-        message = f"{PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
+        message = f"{base.PLACES[place]} itself has the address of {name}, {address}: its pings never leave it"
         hint = "take the address away there, or correct the one that is declared: `ip -br addr` shows them"
         yield BearerFinding(Verdict.FAIL, "own-address", message, hint)
 
 
-def _rows(answer: Answer | None) -> list[dict[str, Any]]:
-    if not isinstance(answer, CommandResult) or answer.trouble is not None or answer.rc:
+def _rows(answer: base.Answer | None) -> list[dict[str, Any]]:
+    if not isinstance(answer, base.CommandResult) or answer.trouble is not None or answer.rc:
         return []
     try:
         result = json.loads(answer.out or "[]")
@@ -159,16 +150,18 @@ class NeighbourPing:
 
     name: str
     address: str
-    place: Place
+    place: base.Place
     loss_percent: float
     """Up to here it is well."""
     fail_percent: float
     """From here it does not serve."""
 
 
-def ping_request(place: Place, address: str) -> RunProgram:
+def ping_request(place: base.Place, address: str) -> base.RunProgram:
     """Give the question; its answer's name is `ping`."""
-    return RunProgram("ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address)
+    return base.RunProgram(
+        "ping", place, ("ping", "-n", "-c", str(COUNT), "-i", "0.2", "-W", "2", address), turn=address
+    )
 
 
 def read_ping(out: str, address: str) -> Echoes | None:
@@ -192,35 +185,35 @@ def read_ping(out: str, address: str) -> Echoes | None:
     )
 
 
-def judge_ping(target: NeighbourPing, answer: Answer | None) -> ProbeResult:
+def judge_ping(target: NeighbourPing, answer: base.Answer | None) -> base.ProbeResult:
     """Judge loss and time; what was not carried out proves nothing."""
-    if troubles := tuple(not_run(target.place, "ping", answer)):
-        return ProbeResult(troubles)
-    assert isinstance(answer, CommandResult)  # noqa: S101 - `not_run` speaks of anything else
+    if troubles := tuple(base.not_run(target.place, "ping", answer)):
+        return base.ProbeResult(troubles)
+    assert isinstance(answer, base.CommandResult)  # noqa: S101 - `not_run` speaks of anything else
     echoes = read_ping(answer.out, target.address)
     if echoes is None:
         lines = (answer.err or answer.out).strip().splitlines()
         why = f": {lines[0][:120]}" if lines else ""
-        message = f"no ping was sent to {target.name} ({target.address}) from {PLACES[target.place]}{why}"
+        message = f"no ping was sent to {target.name} ({target.address}) from {base.PLACES[target.place]}{why}"
         hint = f"type it by hand there: ping {target.address}"
-        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
-    where = f"{target.name} from {PLACES[target.place]}"
-    evidence = [measured_evidence(f"pings answered by {where}", f"{echoes.received_count} of {echoes.sent_count}")]
+        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "ping-not-understood", message, hint),))
+    where = f"{target.name} from {base.PLACES[target.place]}"
+    evidence = [base.measured_evidence(f"pings answered by {where}", f"{echoes.received_count} of {echoes.sent_count}")]
     if echoes.mean_ms is not None and echoes.worst_ms is not None:
-        evidence.append(measured_evidence(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
-        evidence.append(measured_evidence(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
+        evidence.append(base.measured_evidence(f"round trip to {where}, mean", echoes.mean_ms, "ms"))
+        evidence.append(base.measured_evidence(f"round trip to {where}, longest", echoes.worst_ms, "ms"))
     who = f"{target.name} ({target.address})"
     strange = tuple(odd_answers(who, echoes))
     if echoes.sent_count < COUNT:
         message = (
             f"only {echoes.sent_count} of {COUNT} pings were sent to {who}, and {echoes.received_count} were answered"
         )
-        hint = f"repeat the check; if it stays so, see who ends `ping` on {PLACES[target.place]}"
+        hint = f"repeat the check; if it stays so, see who ends `ping` on {base.PLACES[target.place]}"
         cut = BearerFinding(Verdict.INCONCLUSIVE, "ping-cut-short", message, hint)
-        return ProbeResult((cut, *strange), tuple(evidence))
+        return base.ProbeResult((cut, *strange), tuple(evidence))
     findings = (_loss(target, echoes), *_times(target, echoes))
     remaining_findings = tuple(finding for finding in findings if not strange or finding.verdict is not Verdict.PASS)
-    return ProbeResult((*strange, *remaining_findings), tuple(evidence))
+    return base.ProbeResult((*strange, *remaining_findings), tuple(evidence))
 
 
 def odd_answers(who: str, echoes: Echoes) -> Iterator[BearerFinding]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.probes import (
     acoustic,
+    base,
     ethernet,
     gps,
     integration,
@@ -26,7 +27,6 @@ from atlantis_netcfg.checklist.probes import (
     wifi,
 )
 from atlantis_netcfg.checklist.probes.acoustic.modem import refused_reason
-from atlantis_netcfg.checklist.probes.step import INTEGRATION, ITEMS, ROBOT, SITE, Cell, Listen, Step
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.inventory.model import ETHERNET, Column
 
@@ -43,14 +43,14 @@ TITLES: Mapping[str, str] = {
     Column.LTE: "4G",
     Column.GPS: "GPS",
     ETHERNET: "Ethernet",
-    SITE: "Site",
-    ROBOT: "Robot",
-    INTEGRATION: "Integration",
-    ITEMS: "Items",
+    base.SITE: "Site",
+    base.ROBOT: "Robot",
+    base.INTEGRATION: "Integration",
+    base.ITEMS: "Items",
 }
 """Endpoint to the words of Table 3, and ours for what is beside it."""
 
-_STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
+_STEPS: Mapping[str, Callable[[base.Cell], tuple[base.Step, ...]]] = {
     Column.WIFI: wifi.steps,
     Column.ACOUSTIC: acoustic.steps,
     Column.SATELLITE: satellite.steps,
@@ -59,22 +59,22 @@ _STEPS: Mapping[str, Callable[[Cell], tuple[Step, ...]]] = {
     Column.LTE: link_probe.steps,
     Column.GPS: gps.steps,
     ETHERNET: ethernet.steps,
-    SITE: site_checks.steps,
-    ROBOT: robot.steps,
-    INTEGRATION: integration.steps,
-    ITEMS: items.steps,
+    base.SITE: site_checks.steps,
+    base.ROBOT: robot.steps,
+    base.INTEGRATION: integration.steps,
+    base.ITEMS: items.steps,
 }
 
 
-def steps_of(cell: Cell) -> tuple[Step, ...]:
+def steps_of(cell: base.Cell) -> tuple[base.Step, ...]:
     """What a program or a person looks at in a cell; empty where the column has nothing that sees it."""
     return _STEPS[cell.endpoint](cell)
 
 
-def by_a_person(cell: Cell) -> Step:
+def by_a_person(cell: base.Cell) -> base.Step:
     """What is left where no program sees a cell: nothing of the table silently drops out."""
     title = TITLES[cell.endpoint]
-    return Step(
+    return base.Step(
         name="",
         title=f"{title} of {cell.name} works",
         kind=ItemKind.PERSON,
@@ -88,7 +88,7 @@ _PHASES: Mapping[str, Phase] = {
     Column.GPS: Phase.QUAY,
     Column.ACOUSTIC: Phase.WATER,
     Column.USBL: Phase.WATER,
-    INTEGRATION: Phase.INTEGRATION,
+    base.INTEGRATION: Phase.INTEGRATION,
 }
 """Where a person would look: under an open sky, in water; all else on the bench."""
 
@@ -98,7 +98,7 @@ PLAIN: tuple[bytes, ...] = (rb'\?WATCH=\{"enable":true,"json":true\};?\r?\n', rb
 _PLAIN = tuple(re.compile(saying) for saying in PLAIN)
 
 
-def find_refusal(listen: Listen, *, active: bool) -> str | None:
+def find_refusal(listen: base.Listen, *, active: bool) -> str | None:
     """Say what of a script must not be sent, and why; None: all of it may.
 
     `active`: the script belongs to an active step, and a person has consented. Nothing is said to a UDP port.

@@ -9,20 +9,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes.step import (
-    Answer,
-    Cell,
-    ProbeResult,
-    Question,
-    RobotsHeardRequest,
-    RobotsHeardResult,
-    Step,
-    VpnMembersRequest,
-    VpnMembersResult,
-    measured_evidence,
-    no_answer_finding,
-    read,
-)
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import complete
 from atlantis_netcfg.core.events import Verdict
@@ -35,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
     from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
-    from atlantis_netcfg.checklist.probes.step import Probe
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.inventory.model.robot import PublishedTopic
     from atlantis_netcfg.robots.observation import HeardWriter, RobotObservation, RobotReport
@@ -78,7 +64,7 @@ def item_of(code: str, kind: TopicKind) -> RobotItem:
     return RobotItem.POSE if item is RobotItem.TELEMETRY and kind.moves else item
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """One step for each thing that a control centre needs of a robot; of the location, that no stranger is heard."""
     if cell.robots is None:
         return ()
@@ -100,35 +86,35 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
 
 
-def _automatic(name: str, title: str, probe: Probe, unless: str = "") -> Step:
+def _automatic(name: str, title: str, probe: base.Probe, unless: str = "") -> base.Step:
     phase = Phase.QUAY if name == RobotItem.POSE else Phase.BENCH
-    return Step(name, title, ItemKind.AUTOMATIC, phase, None if unless else probe, unless=unless)
+    return base.Step(name, title, ItemKind.AUTOMATIC, phase, None if unless else probe, unless=unless)
 
 
-def unreadable(cell: Cell) -> Step:
+def unreadable(cell: base.Cell) -> base.Step:
     """The only step of a robot whose file has errors: what it should publish is not known."""
     return _automatic("discovered", "It is discovered, and is as its file says", _BrokenFile(cell.row))
 
 
-def vpn_step(name: str, cell: Cell) -> Step:
+def vpn_step(name: str, cell: base.Cell) -> base.Step:
     """Its own member of the VPN, if it has one."""
     behind = cell.site if cell.address(None) is not None else ""
     return _automatic(name, "Its member of the VPN is connected", _VpnOfRobot(cell.row, cell.name, behind))
 
 
-def discovery_step(name: str, cell: Cell, host: str = "") -> Step:
+def discovery_step(name: str, cell: base.Cell, host: str = "") -> base.Step:
     """It introduces itself as its file says; `host` is who listens, this computer if empty."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     title = "It is discovered at the control centre" if host else "It is discovered, and is as its file says"
     return _automatic(name, title, _DiscoveryProbe(cell.robots, cell.row, cell.name, cell.site, host))
 
 
-def _at_the_centre(cell: Cell) -> Step:
+def _at_the_centre(cell: base.Cell) -> base.Step:
     hosts = cell.declaration.hosts.items()
     centre = next((name for name, host in hosts if isinstance(host.device, ControlCentre)), None)
     if centre is not None:
         return discovery_step("control-centre", cell, centre)
-    return Step(
+    return base.Step(
         name="control-centre",
         title="It is discovered at the control centre",
         kind=ItemKind.PERSON,
@@ -138,7 +124,7 @@ def _at_the_centre(cell: Cell) -> Step:
     )
 
 
-def _topics_step(cell: Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> Step:
+def _topics_step(cell: base.Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> base.Step:
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     robot = cell.robots.robot(cell.row)
     if item is RobotItem.POSE and robot.pose.library and not any(topic.kind in kinds for topic in robot.topics()):
@@ -148,9 +134,9 @@ def _topics_step(cell: Cell, item: RobotItem, kinds: frozenset[TopicKind]) -> St
     return _automatic(item, _TITLES[item], probe, unless)
 
 
-def pose_of_the_library(name: str, phase: Phase) -> Step:
+def pose_of_the_library(name: str, phase: Phase) -> base.Step:
     """A pose that goes by the library, on a topic that nobody knows here."""
-    return Step(
+    return base.Step(
         name=name,
         title="Its pose is shown, and moves",
         kind=ItemKind.PERSON,
@@ -160,16 +146,16 @@ def pose_of_the_library(name: str, phase: Phase) -> Step:
     )
 
 
-def topics_step(name: str, title: str, cell: Cell, kind: TopicKind) -> Step:
+def topics_step(name: str, title: str, cell: base.Cell, kind: TopicKind) -> base.Step:
     """All that there is to one kind of topics: heard, of their type, of now, at their rate."""
     assert cell.robots is not None  # noqa: S101 - the caller has looked
     probe = _TopicsProbe(cell.robots, cell.row, cell.name, cell.site, frozenset({kind}), frozenset(RobotItem))
     return _automatic(name, title, probe)
 
 
-def _observation(answer: Answer | None, host: str) -> RobotObservation | BearerFinding:
-    if not isinstance(answer, RobotsHeardResult) or answer.observation is None:
-        return replace(no_answer_finding(host or "this computer", answer), code="not-listened")
+def _observation(answer: base.Answer | None, host: str) -> RobotObservation | BearerFinding:
+    if not isinstance(answer, base.RobotsHeardResult) or answer.observation is None:
+        return replace(base.no_answer_finding(host or "this computer", answer), code="not-listened")
     return answer.observation
 
 
@@ -182,7 +168,7 @@ def _complete_hint(finding: BearerFinding, site: str) -> BearerFinding:
 def _evidence(writers: Collection[HeardWriter]) -> Iterator[Evidence]:
     for writer in writers:
         rate = "rate not known" if writer.rate_hz is None else f"{writer.rate_hz:.2g} Hz"
-        yield measured_evidence(
+        yield base.measured_evidence(
             writer.topic, f"{rate}, {writer.messages} messages of {writer.size_bytes} bytes, {writer.type}"
         )
 
@@ -193,13 +179,13 @@ class _BrokenFile:
 
     vehicle: str
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         return ()
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:  # noqa: ARG002 - as every probe has it
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:  # noqa: ARG002 - as every probe has it
         message = f"the file of {self.vehicle} has errors, so that nothing can be compared with it"
         hint = f"`provision robot validate vehicle={self.vehicle}` names each of them"
-        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
+        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "file-unreadable", message, hint),))
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,23 +197,23 @@ class _VpnOfRobot:
     behind: str
     """The site in whose LAN it has an address; empty: none."""
 
-    def asks(self) -> tuple[Question, ...]:
-        return (VpnMembersRequest("members"),)
+    def asks(self) -> tuple[base.Question, ...]:
+        return (base.VpnMembersRequest("members"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         answer = results["members"]
-        if not isinstance(answer, VpnMembersResult) or answer.trouble is not None:
-            return ProbeResult((no_answer_finding("the VPN server", answer),))
+        if not isinstance(answer, base.VpnMembersResult) or answer.trouble is not None:
+            return base.ProbeResult((base.no_answer_finding("the VPN server", answer),))
         members = [member for member in answer.members if member.vehicle == self.vehicle]
         session = next((member for member in members if member.session), None)
         if session is not None:
             message = f"{session.name} is connected to the VPN server"
-            evidence = read("session at the VPN server", f"{session.name} from {session.session}")
-            return ProbeResult((BearerFinding(Verdict.PASS, "member-connected", message),), (evidence,))
+            evidence = base.read("session at the VPN server", f"{session.name} from {session.session}")
+            return base.ProbeResult((BearerFinding(Verdict.PASS, "member-connected", message),), (evidence,))
         if not members and self.behind:
             text = f"{self.name} is no member of the VPN: it is in the LAN of {self.behind}, behind its router"
-            return ProbeResult((BearerFinding(Verdict.SKIP, "behind-router", text),))
-        return ProbeResult((self._away([member.name for member in members if member.has_certificate]),))
+            return base.ProbeResult((BearerFinding(Verdict.SKIP, "behind-router", text),))
+        return base.ProbeResult((self._away([member.name for member in members if member.has_certificate]),))
 
     def _away(self, member_names: Collection[str]) -> BearerFinding:
         status = "`provision vpn status` shows every member and who is connected"
@@ -256,20 +242,20 @@ class _DiscoveryProbe(_OfRobot):
 
     host: str = ""
 
-    def asks(self) -> tuple[Question, ...]:
-        return (RobotsHeardRequest("heard", self.host),)
+    def asks(self) -> tuple[base.Question, ...]:
+        return (base.RobotsHeardRequest("heard", self.host),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], self.host)
         if isinstance(observation, BearerFinding):
-            return ProbeResult((observation,))
+            return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         wrong = [each for each in report.findings if ITEM_OF[each.code] is RobotItem.DISCOVERED]
         evidence = tuple(self._configurations(report, observation))
         if wrong:
-            return ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
+            return base.ProbeResult(tuple(_complete_hint(each, self.site) for each in wrong), evidence)
         text = f"{self.name} introduces itself as its file says"
-        return ProbeResult((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
+        return base.ProbeResult((BearerFinding(Verdict.PASS, "introduced", text),), evidence)
 
     @staticmethod
     def _configurations(report: RobotReport, observation: RobotObservation) -> Iterator[Evidence]:
@@ -278,7 +264,7 @@ class _DiscoveryProbe(_OfRobot):
             writer = configuration.writer
             if writer.participant in keys:
                 where = observation.participants.get(writer.participant, "an unknown address")
-                yield measured_evidence(
+                yield base.measured_evidence(
                     f"configuration from {where}", f"{writer.messages} in {observation.seconds:.0f} s"
                 )
 
@@ -295,18 +281,18 @@ class _TopicsProbe(_OfRobot):
         """Those of the file that are meant."""
         return tuple(topic for topic in self.robots.robot(self.vehicle).topics() if topic.kind in self.kinds)
 
-    def asks(self) -> tuple[Question, ...]:
-        return (RobotsHeardRequest("heard"),)
+    def asks(self) -> tuple[base.Question, ...]:
+        return (base.RobotsHeardRequest("heard"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
-            return ProbeResult((observation,))
+            return base.ProbeResult((observation,))
         report = self.robots.report(self.vehicle, observation)
         if report.state is RobotState.MISSING:
             message = f"{self.name} did not introduce itself, so that nothing is known of what it publishes"
             hint = "make it be discovered first, then look again"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "not-introduced", message, hint),))
         names = [topic.name for topic in self.topics()]
         writers = [writer for writer in report.topics if writer.topic in names and writer.messages]
         wrong = tuple(
@@ -314,7 +300,7 @@ class _TopicsProbe(_OfRobot):
             for topic, finding in topic_findings(self.robots.robot(self.vehicle), report.topics, observation)
             if topic.kind in self.kinds and item_of(finding.code, topic.kind) in self.items
         )
-        return ProbeResult(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
+        return base.ProbeResult(wrong or (self._good(names, writers),), tuple(_evidence(writers)))
 
     def _good(self, names: Collection[str], writers: Collection[HeardWriter]) -> BearerFinding:
         topics = {writer.topic for writer in writers}
@@ -333,21 +319,21 @@ class _Strangers:
     robots: RobotFiles
     site: str
 
-    def asks(self) -> tuple[Question, ...]:
-        return (RobotsHeardRequest("heard"),)
+    def asks(self) -> tuple[base.Question, ...]:
+        return (base.RobotsHeardRequest("heard"),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         observation = _observation(results["heard"], "")
         if isinstance(observation, BearerFinding):
-            return ProbeResult((observation,))
+            return base.ProbeResult((observation,))
         reports = self.robots.reports(observation)
         every = [finding for report in reports for finding in report.findings]
         wrong = tuple(_complete_hint(each, self.site) for each in every if ITEM_OF[each.code] is RobotItem.STRANGERS)
         if wrong:
-            return ProbeResult(wrong)
+            return base.ProbeResult(wrong)
         if not observation.configurations:
             message = "no robot has introduced itself, so that nothing is known of strangers"
             hint = "is this computer in the network of the robots, and in the domain of `dds.domain`?"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "nobody-heard", message, hint),))
         text = f"{len(observation.configurations)} robots introduce themselves, all of the inventory"
-        return ProbeResult((BearerFinding(Verdict.PASS, "all-known", text),))
+        return base.ProbeResult((BearerFinding(Verdict.PASS, "all-known", text),))

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.core.errors import NetcfgError
+from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.inventory.robots.key_names import KeyNames
-from atlantis_netcfg.inventory.robots.reading import key_names, past_guests, read_declared, robot_files
 from atlantis_netcfg.robots.observation import judge
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.inventory import Declaration
     from atlantis_netcfg.inventory.model.robot import RobotFile
-    from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import RobotObservation, RobotReport
 
 
@@ -27,7 +26,7 @@ class RobotFiles:
     """
 
     names: KeyNames
-    sources: Mapping[str, RobotSource]
+    sources: Mapping[str, reading.RobotSource]
     """Of every robot of the inventory whose file has no error."""
     tested_vehicles: tuple[str, ...]
     """Vehicles that are tested at the site and have a file, good or not; guests are none of them."""
@@ -38,7 +37,7 @@ class RobotFiles:
     @classmethod
     def read(cls, declaration: Declaration, site: str) -> Self | None:
         """Read those of an inventory; None: no vehicle that is tested at the site has one."""
-        here, files = declaration.sites[site].checklist.vehicles, robot_files(declaration)
+        here, files = declaration.sites[site].checklist.vehicles, reading.robot_files(declaration)
         tested_vehicles = tuple(
             key
             for key, vehicle in declaration.vehicles.items()
@@ -47,13 +46,13 @@ class RobotFiles:
         if not tested_vehicles:
             return None
         try:
-            names, findings = key_names(declaration)
-            sources = [] if findings else read_declared(declaration, names)
+            names, findings = reading.key_names(declaration)
+            sources = [] if findings else reading.read_declared(declaration, names)
         except NetcfgError:
             return cls(KeyNames(), {}, tested_vehicles)
         good = {each.vehicle: each for each in sources if each.robot is not None and not each.findings}
         open_sources = {key: source.with_token(declaration.decrypt) for key, source in good.items() if key is not None}
-        return cls(names, open_sources, tested_vehicles, past_guests(declaration))
+        return cls(names, open_sources, tested_vehicles, reading.past_guests(declaration))
 
     def robot(self, vehicle: str) -> RobotFile:
         """What a good file says."""

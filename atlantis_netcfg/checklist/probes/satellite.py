@@ -11,21 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.link_probe import BearerProbe, bearers
-from atlantis_netcfg.checklist.probes.step import (
-    AllowListTestRequest,
-    AllowListTestResult,
-    Answer,
-    Cell,
-    Consent,
-    ProbeResult,
-    Step,
-    measured_evidence,
-    no_answer_finding,
-)
-from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Column
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links import BearerFinding
 
@@ -62,18 +52,18 @@ class AllowListProbe:
     bearer: str
     site: str
 
-    def asks(self) -> tuple[AllowListTestRequest, ...]:
+    def asks(self) -> tuple[base.AllowListTestRequest, ...]:
         """One proof."""
-        return (AllowListTestRequest("prove", self.bearer),)
+        return (base.AllowListTestRequest("prove", self.bearer),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Take over what was found; what could not be tried only warns where something else was proved."""
         answer = results.get("prove")
-        if not isinstance(answer, AllowListTestResult) or answer.trouble is not None:
-            return ProbeResult((no_answer_finding("the satellite's router", answer),))
-        return ProbeResult(tuple(self._findings(answer)), tuple(self._evidence(answer)))
+        if not isinstance(answer, base.AllowListTestResult) or answer.trouble is not None:
+            return base.ProbeResult((base.no_answer_finding("the satellite's router", answer),))
+        return base.ProbeResult(tuple(self._findings(answer)), tuple(self._evidence(answer)))
 
-    def _findings(self, result: AllowListTestResult) -> Iterator[BearerFinding]:
+    def _findings(self, result: base.AllowListTestResult) -> Iterator[BearerFinding]:
         target_findings = [entry for entry in result.findings if entry.code in _TARGET_CODES]
         proved_findings = [item for item in target_findings if item.verdict in _GOOD_VERDICTS]
         if not target_findings:
@@ -107,38 +97,38 @@ class AllowListProbe:
         try_all = f"`provision prove site={self.site} --try-all`"
         return {_NOT_TRIED: f"try it while the satellite carries the traffic, or {try_all}"}
 
-    def _evidence(self, result: AllowListTestResult) -> Iterator[Evidence]:
-        yield measured_evidence(f"proof over {self.bearer} took", round(result.seconds, 1), "s")
+    def _evidence(self, result: base.AllowListTestResult) -> Iterator[report.Evidence]:
+        yield base.measured_evidence(f"proof over {self.bearer} took", round(result.seconds, 1), "s")
         if result.bill:
-            yield measured_evidence(f"cost over {self.bearer}", result.bill)
+            yield base.measured_evidence(f"cost over {self.bearer}", result.bill)
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the four items of each satellite link of a location, else something for a person."""
-    links = bearers(cell, Column.SATELLITE)
+    links = bearers(cell, model.Column.SATELLITE)
     satellite_steps = (step for number, bearer in enumerate(links) for step in _of_link(cell, bearer, number))
     return tuple(satellite_steps) or (_by_a_person(cell),)
 
 
-def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
+def _of_link(cell: base.Cell, bearer: model.Bearer, number: int) -> Iterator[base.Step]:
     """Name the items of a second link after it."""
     before = f"{bearer.name}-" if number else ""
     concerns = tuple(item for item in (bearer.device,) if item is not None)
-    yield Step(
+    yield base.Step(
         name=bearer.name if number else "",
         title=f"Satellite terminal of {cell.name} is there, by what the router sees; nothing is sent",
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=BearerProbe(bearer.name, _there),
         concerns=concerns,
     )
-    yield Step(
+    yield base.Step(
         name=f"{before}allow-list",
         title=f"Satellite of {cell.name} lets through what is declared, and nothing else",
-        kind=ItemKind.ACTIVE,
-        phase=Phase.QUAY,
+        kind=report.ItemKind.ACTIVE,
+        phase=report.Phase.QUAY,
         probe=AllowListProbe(bearer.name, cell.site),
-        consent=Consent(
+        consent=base.Consent(
             question=f"the terminal of {cell.name} sees the sky, and up to 20 kB may go over its airtime",
             prompt="wait: what is silent is asked for 90 s, because gaps of 70 s are ordinary on this link",
             cost=True,
@@ -149,35 +139,35 @@ def _of_link(cell: Cell, bearer: Bearer, number: int) -> Iterator[Step]:
     yield _terminal(cell, bearer, before, concerns)
 
 
-def _firewall(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
+def _firewall(cell: base.Cell, bearer: model.Bearer, before: str, concerns: tuple[str, ...]) -> base.Step:
     targets = ", ".join(_target(allowed_target) for allowed_target in allowed_targets(cell.declaration.pilot, bearer))
-    return Step(
+    return base.Step(
         name=f"{before}firewall",
         title=f"The terminal's own firewall lets through addresses of ATLANTIS only ({bearer.device})",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=f"Open the pages of {bearer.device} and look at its firewall; attach a screenshot of it.",
         look_for=f"It is on, admits these and nothing else: {targets}. Its password is not the factory's.",
         concerns=concerns,
     )
 
 
-def _terminal(cell: Cell, bearer: Bearer, before: str, concerns: tuple[str, ...]) -> Step:
+def _terminal(cell: base.Cell, bearer: model.Bearer, before: str, concerns: tuple[str, ...]) -> base.Step:
     box = cell.declaration.hosts.get(bearer.device or "")
     evidence = getattr(box.device, "evidence", None) if box is not None else None
     firmware = f"the firmware is {evidence.firmware}, as declared" if evidence is not None else "note its firmware"
-    return Step(
+    return base.Step(
         name=f"{before}terminal",
         title=f"The terminal's own pages show signal, position and a data session ({bearer.device})",
-        kind=ItemKind.PERSON,
-        phase=Phase.QUAY,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.QUAY,
         do=f"Open the pages of {bearer.device} under a clear sky; attach a screenshot of its status.",
         look_for=f"It shows a signal, its position and a data session, and no alarm; {firmware}.",
         concerns=concerns,
     )
 
 
-def _target(target: AllowedTarget) -> str:
+def _target(target: model.AllowedTarget) -> str:
     port = "" if target.port is None else f" {target.transport} {target.port}"
     return f"{target.name} ({target.address}{port})"
 
@@ -196,12 +186,12 @@ def _there(values: Mapping[str, Any]) -> BearerFinding | None:
     return BearerFinding(Verdict.INCONCLUSIVE, "terminal-not-seen", message, hint)
 
 
-def _by_a_person(cell: Cell) -> Step:
-    return Step(
+def _by_a_person(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="",
         title=f"Satellite of {cell.name} works",
-        kind=ItemKind.PERSON,
-        phase=Phase.QUAY,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.QUAY,
         do=f"Open the pages of the satellite terminal of {cell.name} under a clear sky, then send one small message."
         " Each byte may cost.",
         look_for="It shows a signal and a data session, and the message arrives within 90 s: gaps of 70 s happen.",

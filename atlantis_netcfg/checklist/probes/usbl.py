@@ -13,6 +13,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base, usbl_fixes
 from atlantis_netcfg.checklist.probes.acoustic import seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
@@ -26,9 +28,6 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     transcript_or_judgement,
 )
 from atlantis_netcfg.checklist.probes.acoustic.status import damage
-from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Listen, ProbeResult, Question, Step, Transcript
-from atlantis_netcfg.checklist.probes.usbl_fixes import Fixes, impossible, read_fixes
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, UsblEndpoint
 from atlantis_netcfg.links import BearerFinding
@@ -48,9 +47,9 @@ _ANSWERED_S = 10.0
 _BUSY, _TIMEOUT = 0x30, 0x34
 
 
-def ping_consent(name: str, beacon: int) -> Consent:
+def ping_consent(name: str, beacon: int) -> base.Consent:
     """What a person has to agree to."""
-    return Consent(
+    return base.Consent(
         question=f"{name} and the vehicle with the beacon {beacon} are in the water, nobody dives near them, "
         "and they may transmit one ping"
     )
@@ -64,18 +63,18 @@ class Ping:
     name: str
     """The row in words."""
     beacon: int
-    consent: Consent | None
+    consent: base.Consent | None
     """What the step asks a person; without it there is no ping to be sent."""
     local: int | None = None
     """Number of the beacon that pings, as declared."""
     width_m: float | None = None
     """Of the site's waters: the geofence from one side to the other."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Transceiver, depth, and behind them the ping. Raises NeverSaid where no person is asked."""
         return (self._question(),)
 
-    def _question(self) -> Listen:
+    def _question(self) -> base.Listen:
         end_pattern = rb"(?i)\$(?:42[0-9A-F]{2}%02X[0-9A-F]+|43[0-9A-F]{8}|40(?!00)[0-9A-F]{8})[\r\n]" % self.beacon
         say = (
             ask_seatrac(seatrac.TRANSCEIVER, _IDLE),
@@ -86,29 +85,29 @@ class Ping:
         )
         return self.modem.listen(f"ping from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge whether it was sent, and who answered."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
-        if isinstance(transcript, ProbeResult):
+        if isinstance(transcript, base.ProbeResult):
             return transcript
         answers = seatrac.answers(transcript.data)
         if not answers:
-            return ProbeResult((damage(self.name, transcript) or not_understood(self.modem, self.name),))
+            return base.ProbeResult((damage(self.name, transcript) or not_understood(self.modem, self.name),))
         # The vehicle's own software may ping as well: only what follows our own ping is its answer.
         pings = [
             answer for answer in answers if answer.number == seatrac.PING and answer.record[1:2] == bytes([self.beacon])
         ]
         finding = self._judge_ping(pings[-1], answers, transcript) if pings else self._judge_not_sent(answers)
-        return ProbeResult((finding,), tuple(_evidence(answers)))
+        return base.ProbeResult((finding,), tuple(_evidence(answers)))
 
     def _judge_ping(
-        self, ping_reply: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: Transcript
+        self, ping_reply: seatrac.SeatracAnswer, answers: tuple[seatrac.SeatracAnswer, ...], transcript: base.Transcript
     ) -> BearerFinding:
         other = f"the beacon {self.beacon}"
         response = f"{seatrac.PING_RESPONSE:02X}"
         fixes = (
             entry
-            for entry in read_fixes(self.modem.driver, transcript)
+            for entry in usbl_fixes.read_fixes(self.modem.driver, transcript)
             if entry.form == response and entry.end > ping_reply.end
         )
         fix = next((item for item in fixes if item.remote == self.beacon), None)
@@ -117,7 +116,9 @@ class Ping:
         )
         error = seatrac.last(later, seatrac.PING_ERROR)
         if fix is not None and error is None and ping_reply.record[:1] == b"\x00":
-            wrong = impossible(f"the beacon of {self.name}", fix, self.local, self.width_m, self.modem.driver)
+            wrong = usbl_fixes.impossible(
+                f"the beacon of {self.name}", fix, self.local, self.width_m, self.modem.driver
+            )
             if wrong is not None:
                 return wrong
             if fix.range_m is None:
@@ -160,29 +161,31 @@ class Ping:
         return BearerFinding(Verdict.INCONCLUSIVE, "in-air", message, hint)
 
 
-def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[Evidence]:
+def _evidence(answers: tuple[seatrac.SeatracAnswer, ...]) -> Iterator[report.Evidence]:
     status = seatrac.status(seatrac.last(answers, seatrac.STATUS) or b"")
     if status is not None and status.depth_m is not None:
-        yield Evidence(type=EvidenceType.READ, what="depth before the ping", value=f"{status.depth_m:.1f} m")
+        yield report.Evidence(
+            type=report.EvidenceType.READ, what="depth before the ping", value=f"{status.depth_m:.1f} m"
+        )
     for answer in answers:
         fix = seatrac.fix(answer.record) if answer.number == seatrac.PING_RESPONSE else None
         if fix is not None and fix.range_m is not None:
-            yield Evidence(
-                type=EvidenceType.MEASURED, what=f"range to the beacon {fix.beacon}", value=f"{fix.range_m} m"
+            yield report.Evidence(
+                type=report.EvidenceType.MEASURED, what=f"range to the beacon {fix.beacon}", value=f"{fix.range_m} m"
             )
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Fixes that are told, and a ping where a beacon for it is declared."""
     modem, endpoint = modem_of(cell), cell.endpoints.usbl
     if modem is None or endpoint is None:
         return (_by_a_person(cell),)
-    passive = Step(
+    passive = base.Step(
         name="",
         title=f"The USBL of {cell.name} tells fresh fixes",
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.WATER,
-        probe=Fixes(
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.WATER,
+        probe=usbl_fixes.Fixes(
             modem,
             cell.name,
             endpoint.hears,
@@ -195,48 +198,48 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return (passive, *_ping(cell, modem, endpoint))
 
 
-def _width_m(cell: Cell) -> float | None:
+def _width_m(cell: base.Cell) -> float | None:
     fence = cell.site_config.checklist.geofence
     return None if fence is None else 2 * fence.radius_m
 
 
-def _ping(cell: Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iterator[Step]:
+def _ping(cell: base.Cell, modem: AcousticModem, endpoint: UsblEndpoint) -> Iterator[base.Step]:
     if endpoint.ping is None:
         return
     if modem.driver is not AcousticDriver.SEATRAC:
         yield _pinged_by_a_person(cell, endpoint.ping)
         return
     consent = ping_consent(cell.name, endpoint.ping)
-    yield Step(
+    yield base.Step(
         name="ping",
         title=f"The beacon {endpoint.ping} answers a ping of {cell.name}",
-        kind=ItemKind.ACTIVE,
-        phase=Phase.WATER,
+        kind=report.ItemKind.ACTIVE,
+        phase=report.Phase.WATER,
         probe=Ping(modem, cell.name, endpoint.ping, consent, declared_address(cell, modem), _width_m(cell)),
         consent=consent,
     )
 
 
-def _pinged_by_a_person(cell: Cell, beacon: int) -> Step:
+def _pinged_by_a_person(cell: base.Cell, beacon: int) -> base.Step:
     """A modem that is no SeaTrac beacon measures ranges with its messages; this tool pings by SeaTrac only."""
-    return Step(
+    return base.Step(
         name="ping",
         title=f"The modem with the address {beacon} answers {cell.name}",
-        kind=ItemKind.PERSON,
-        phase=Phase.WATER,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.WATER,
         do=f"With both in the water, let the software of {cell.name} locate the modem with the address {beacon}.",
         look_for="A position comes, and its range is about that on the chart.",
     )
 
 
-def _by_a_person(cell: Cell) -> Step:
+def _by_a_person(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.usbl is not None
     why = "has no address at this site" if is_declared else "is not declared"
-    return Step(
+    return base.Step(
         name="",
         title=f"The USBL of {cell.name} gives its position",
-        kind=ItemKind.PERSON,
-        phase=Phase.WATER,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.WATER,
         do=f"The USBL of {cell.name} {why}, so nobody can listen to it. With both transducers in the water, and never "
         "in air, let the vehicle be located from its base, some metres away and in a known direction.",
         look_for="A new position comes every few seconds, in the right direction, and its range is about that which is "

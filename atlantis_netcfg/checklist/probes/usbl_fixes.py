@@ -8,17 +8,9 @@ from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac, status
 from atlantis_netcfg.checklist.probes.acoustic.modem import AcousticModem, not_understood, transcript_or_judgement
-from atlantis_netcfg.checklist.probes.acoustic.status import (
-    INTEGRITY_LOW,
-    RSSI_DB,
-    SOUND_SPEED_MPS,
-    AcousticReading,
-    Beacon,
-    damage,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, Listen, ProbeResult, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver
@@ -94,17 +86,17 @@ class UsblFix:
         return self.waited_s + max(0.0, self.delay_s)
 
 
-def read_fixes(driver: AcousticDriver, transcript: Transcript) -> tuple[UsblFix, ...]:
+def read_fixes(driver: AcousticDriver, transcript: base.Transcript) -> tuple[UsblFix, ...]:
     """Every fix in a transcript, in its order."""
     fixes = _seatrac(transcript) if driver is AcousticDriver.SEATRAC else _evologics(transcript)
     return tuple(fixes)
 
 
-def _evologics(transcript: Transcript) -> Iterator[UsblFix]:
+def _evologics(transcript: base.Transcript) -> Iterator[UsblFix]:
     pieces = evologics.pieces(transcript.data)
     settings = evologics.settings(pieces)
     modem_speed = settings.values.get("Sound Speed") if settings else None
-    low, high = SOUND_SPEED_MPS
+    low, high = status.SOUND_SPEED_MPS
     speed = modem_speed if modem_speed is not None and low <= modem_speed <= high else _USUAL_MPS
     arrivals = _Arrivals(transcript)
     for fix in evologics.fixes(pieces):
@@ -126,7 +118,7 @@ def _evologics(transcript: Transcript) -> Iterator[UsblFix]:
         )
 
 
-def _seatrac(transcript: Transcript) -> Iterator[UsblFix]:
+def _seatrac(transcript: base.Transcript) -> Iterator[UsblFix]:
     arrivals = _Arrivals(transcript)
     for answer in seatrac.answers(transcript.data):
         if answer.number not in {seatrac.PING_RESPONSE, seatrac.NAV_QUERY_RESPONSE}:
@@ -153,7 +145,7 @@ def _seatrac(transcript: Transcript) -> Iterator[UsblFix]:
 class _Arrivals:
     """When each byte of a stream came."""
 
-    def __init__(self, transcript: Transcript) -> None:
+    def __init__(self, transcript: base.Transcript) -> None:
         self._ended_s = transcript.ended_s
         self._at = [at for at, _ in transcript.chunks]
         self._upto = list(accumulate(len(data) for _, data in transcript.chunks))
@@ -251,47 +243,51 @@ class Fixes:
     hears: tuple[int, ...]
     """Acoustic addresses; none: anybody's."""
     max_age_s: float
-    question: Listen
+    question: base.Listen
     expected_address: int | None = None
     """Acoustic address of the modem itself; None: nobody has declared it."""
     width_m: float | None = None
     """Of the site's waters: the geofence from one side to the other."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """The script of the acoustic column, with a listening behind it."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the fixes that came while it was listened."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, ProbeResult):
+        if isinstance(transcript, base.ProbeResult):
             return transcript
         fixes = read_fixes(self.modem.driver, transcript)
         if not fixes and not self._is_recognized(transcript):
-            return ProbeResult((self._foreign(transcript),))
+            return base.ProbeResult((self._foreign(transcript),))
         remotes = self.hears or tuple(sorted({fix.remote for fix in fixes}))
         if not any(fix.remote in remotes for fix in fixes):
-            return ProbeResult((self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes)))
+            return base.ProbeResult(
+                (self._nothing(fixes, transcript), *self._whose(transcript)), tuple(_evidence(fixes))
+            )
         local = self._local_address(transcript)
         findings = tuple(
             finding
             for remote in remotes
             for finding in self._of(remote, [fix for fix in fixes if fix.remote == remote], local, transcript)
         )
-        return ProbeResult((*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes)))
+        return base.ProbeResult(
+            (*findings, *self._out_of_step(fixes), *self._whose(transcript)), tuple(_evidence(fixes))
+        )
 
     @property
     def _who(self) -> str:
         return f"the USBL of {self.name}"
 
-    def _local_address(self, transcript: Transcript) -> int | None:
+    def _local_address(self, transcript: base.Transcript) -> int | None:
         """Which address the modem itself tells; None: it does not."""
         if self.modem.driver is AcousticDriver.SEATRAC:
-            settings = Beacon.of(transcript).settings
+            settings = status.Beacon.of(transcript).settings
             return None if settings is None else settings.beacon
-        return AcousticReading.of(transcript).address
+        return status.AcousticReading.of(transcript).address
 
-    def _whose(self, transcript: Transcript) -> Iterator[BearerFinding]:
+    def _whose(self, transcript: base.Transcript) -> Iterator[BearerFinding]:
         """Whether it is the declared modem that speaks, and whether it is declared whom it should hear."""
         local = self._local_address(transcript)
         if local is not None and self.expected_address is not None and local != self.expected_address:
@@ -302,17 +298,17 @@ class Fixes:
             message = f"nobody has declared whom {self._who} should hear: anybody's fixes count"
             yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare `hears` under its `endpoints.usbl`")
 
-    def _is_recognized(self, transcript: Transcript) -> bool:
+    def _is_recognized(self, transcript: base.Transcript) -> bool:
         if self.modem.driver is AcousticDriver.SEATRAC:
             return bool(seatrac.answers(transcript.data))
         pieces = evologics.pieces(transcript.data)
         return any(piece.command for piece in pieces) or evologics.state(pieces) is not None
 
-    def _foreign(self, transcript: Transcript) -> BearerFinding:
+    def _foreign(self, transcript: base.Transcript) -> BearerFinding:
         seatrac_s = self.modem.driver is AcousticDriver.SEATRAC
-        return (damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
+        return (status.damage(self.name, transcript) if seatrac_s else None) or not_understood(self.modem, self.name)
 
-    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: Transcript) -> BearerFinding:
+    def _nothing(self, fixes: tuple[UsblFix, ...], transcript: base.Transcript) -> BearerFinding:
         if self.modem.driver is AcousticDriver.EVOLOGICS:
             output_state = evologics.number(evologics.answer(evologics.pieces(transcript.data), _OUTPUT))
             if output_state == 0 and not fixes:
@@ -326,7 +322,7 @@ class Fixes:
         return BearerFinding(Verdict.INCONCLUSIVE, "no-fixes", message, _NOBODY)
 
     def _of(
-        self, remote: int, fixes: list[UsblFix], local: int | None, transcript: Transcript
+        self, remote: int, fixes: list[UsblFix], local: int | None, transcript: base.Transcript
     ) -> Iterator[BearerFinding]:
         """Judge what was told of one modem: possible, of now, and more than one measurement."""
         if not fixes:
@@ -431,14 +427,14 @@ def _quality(who: str, remote: int, fix: UsblFix) -> Iterator[BearerFinding]:
         yield BearerFinding(Verdict.WARN, "range-only", f"{who} tells only the range {of}, and no direction", hint)
     elif _apart(fix, _OFF_SHARE, _OFF_M):
         yield BearerFinding(Verdict.WARN, "range-mismatch", _mismatch(who, of[3:], fix), _MISMATCH)
-    low, high = RSSI_DB
+    low, high = status.RSSI_DB
     if fix.rssi_db is not None and not low <= fix.rssi_db <= high:
         weak = fix.rssi_db < low
         message = f"{who} hears {of[3:]} too {'weakly' if weak else 'strongly'}: {fix.rssi_db:.0f} dB"
         hint = "look at the transducers and what is between them" if weak else "move the modems apart"
         yield BearerFinding(Verdict.WARN, "signal-weak" if weak else "signal-strong", message, hint)
-    if fix.integrity is not None and fix.integrity < INTEGRITY_LOW:
-        message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {INTEGRITY_LOW}"
+    if fix.integrity is not None and fix.integrity < status.INTEGRITY_LOW:
+        message = f"{who} hears {of[3:]} poorly: integrity {fix.integrity:.0f}, good is {status.INTEGRITY_LOW}"
         hint = "look for echoes (walls, the hull, the surface) and noise, and listen again"
         yield BearerFinding(Verdict.WARN, "integrity-low", message, hint)
     if fix.accuracy is not None and fix.accuracy > _ACCURACY_POOR:

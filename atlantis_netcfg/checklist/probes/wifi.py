@@ -25,44 +25,12 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base, ping
 from atlantis_netcfg.checklist.probes.link_probe import link_steps, reserved_mac
-from atlantis_netcfg.checklist.probes.ping import (
-    NeighbourPing,
-    card_request,
-    judge_ping,
-    own_address,
-    ping_request,
-    read_card,
-    read_route,
-    route_request,
-)
-from atlantis_netcfg.checklist.probes.step import (
-    PLACES,
-    Answer,
-    Cell,
-    CommandResult,
-    Place,
-    Probe,
-    ProbeResult,
-    Question,
-    RouterOsQuery,
-    Rows,
-    RunProgram,
-    Step,
-    declared_evidence,
-    no_answer_finding,
-    not_run,
-    read,
-    rows_of,
-)
-from atlantis_netcfg.checklist.report import Evidence, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import channels
-from atlantis_netcfg.inventory.model import Column, WifiEndpoint, WifiRole
-from atlantis_netcfg.links import BearerFinding
-from atlantis_netcfg.links.wifi import Family, WifiPeer
-from atlantis_netcfg.links.wifi import queries as wifi_queries
-from atlantis_netcfg.links.wifi import read as read_wifi
+from atlantis_netcfg.inventory import channels, model
+from atlantis_netcfg.links import BearerFinding, wifi
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -265,7 +233,7 @@ FAR_DB = 10.0
 IMBALANCE_DB = 6.0
 
 
-def judge_level(endpoint: WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[BearerFinding]:
+def judge_level(endpoint: model.WifiEndpoint, level: float | None, who: str, where: str) -> Iterator[BearerFinding]:
     """Compare a level with both bounds. `where` hears `who`."""
     if level is None:
         message = f"{where} does not say how well it hears {who}"
@@ -295,7 +263,7 @@ def judge_chains(chains: Sequence[float | None], who: str, where: str) -> Iterat
 
 
 def judge_rate(
-    endpoint: WifiEndpoint, sent_mbps: float | None, received_mbps: float | None, who: str, where: str
+    endpoint: model.WifiEndpoint, sent_mbps: float | None, received_mbps: float | None, who: str, where: str
 ) -> Iterator[BearerFinding]:
     """Compare the rates of the association with the declared floor.
 
@@ -331,76 +299,76 @@ class AssociatedProbe:
 
     name: str
     """Of the vehicle, in words."""
-    place: Place
-    endpoint: WifiEndpoint
+    place: base.Place
+    endpoint: model.WifiEndpoint
     address: str | None
     country: str
     """Of the pilot, in RouterOS' word."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Give the radio's view, the interface and the way to the vehicle."""
         radio = self.endpoint.interface
         requests = (
-            RunProgram("link", self.place, ("iw", "dev", radio, "link")),
-            RunProgram("stations", self.place, ("iw", "dev", radio, "station", "dump")),
-            RunProgram("info", self.place, ("iw", "dev", radio, "info")),
-            RunProgram("rules", self.place, ("iw", "reg", "get")),
-            card_request(self.place, radio),
+            base.RunProgram("link", self.place, ("iw", "dev", radio, "link")),
+            base.RunProgram("stations", self.place, ("iw", "dev", radio, "station", "dump")),
+            base.RunProgram("info", self.place, ("iw", "dev", radio, "info")),
+            base.RunProgram("rules", self.place, ("iw", "reg", "get")),
+            ping.card_request(self.place, radio),
         )
         if self.address is None:
             return requests
-        return (*requests, route_request(self.place, self.address), ping_request(self.place, self.address))
+        return (*requests, ping.route_request(self.place, self.address), ping.ping_request(self.place, self.address))
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Association first: without it nothing else speaks of this vehicle."""
         addr = results.get("addr")
-        absent = (*not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
+        absent = (*base.not_run(self.place, "ip", addr), *self._no_interface(addr), *self._no_iw(results.get("link")))
         if absent:
-            return ProbeResult(absent[:1])
+            return base.ProbeResult(absent[:1])
         link = self._link(results)
         if link is None:
             text = _out(results, "link").strip() or _err(results, "link").strip() or "nothing"
             message = f"`iw` says of {self._radio} what nobody understands: {text.splitlines()[0][:100]}"
             hint = f"type it by hand there: iw dev {self.endpoint.interface} link"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "association-unknown", message, hint),))
         if apart := self._apart(link, results):
-            return ProbeResult((apart,), self._evidence(link, None))
+            return base.ProbeResult((apart,), self._evidence(link, None))
         station = read_station(_out(results, "stations"), link.bssid or "")
         ping_result = self._judge_reachability(results)
         findings = (*self._identity(link, station), *self._radio_says(link, station, results), *ping_result.findings)
-        return ProbeResult(findings, (*self._evidence(link, station), *ping_result.evidence))
+        return base.ProbeResult(findings, (*self._evidence(link, station), *ping_result.evidence))
 
     @property
     def _radio(self) -> str:
-        return f"{self.endpoint.interface} of {PLACES[self.place]}"
+        return f"{self.endpoint.interface} of {base.PLACES[self.place]}"
 
-    def _no_interface(self, addr: Answer | None) -> Iterator[BearerFinding]:
+    def _no_interface(self, addr: base.Answer | None) -> Iterator[BearerFinding]:
         """Say that the radio is not there, or is switched off."""
-        card = read_card(addr)
-        if isinstance(addr, CommandResult) and card is None and "does not exist" in addr.err:
+        card = ping.read_card(addr)
+        if isinstance(addr, base.CommandResult) and card is None and "does not exist" in addr.err:
             hint = "plug the radio in, or correct `endpoints.wifi.interface`: `ip -br link` lists what there is"
-            message = f"{PLACES[self.place]} has no interface {self.endpoint.interface}"
+            message = f"{base.PLACES[self.place]} has no interface {self.endpoint.interface}"
             yield BearerFinding(Verdict.FAIL, "no-interface", message, hint)
         elif card is not None and not card.up:
             hint = f"on it: rfkill list; sudo ip link set {self.endpoint.interface} up"
             yield BearerFinding(Verdict.FAIL, "interface-off", f"{self._radio} is switched off", hint)
 
-    def _no_iw(self, link: Answer | None) -> Iterator[BearerFinding]:
+    def _no_iw(self, link: base.Answer | None) -> Iterator[BearerFinding]:
         """Say that the radio cannot be asked."""
-        yield from not_run(self.place, "iw", link)
-        if isinstance(link, CommandResult) and link.rc and "No such device" in link.err:
+        yield from base.not_run(self.place, "iw", link)
+        if isinstance(link, base.CommandResult) and link.rc and "No such device" in link.err:
             hint = "correct `endpoints.wifi.interface`: `iw dev` lists the radios that there are"
-            message = f"{self.endpoint.interface} of {PLACES[self.place]} is not a radio"
+            message = f"{self.endpoint.interface} of {base.PLACES[self.place]} is not a radio"
             yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
-        elif isinstance(link, CommandResult) and "nl80211 not found" in link.err:
+        elif isinstance(link, base.CommandResult) and "nl80211 not found" in link.err:
             hint = "plug a radio in, or load the driver of the one that it has"
-            message = f"{PLACES[self.place]} has no radio that its kernel knows"
+            message = f"{base.PLACES[self.place]} has no radio that its kernel knows"
             yield BearerFinding(Verdict.FAIL, "no-radio", message, hint)
 
-    def _link(self, results: Mapping[str, Answer]) -> WifiLink | None:
+    def _link(self, results: Mapping[str, base.Answer]) -> WifiLink | None:
         return read_link(_out(results, "link"))
 
-    def _apart(self, link: WifiLink, results: Mapping[str, Answer]) -> BearerFinding | None:
+    def _apart(self, link: WifiLink, results: Mapping[str, base.Answer]) -> BearerFinding | None:
         """Say that the radio is not associated with the vehicle; None: it is, as far as can be told."""
         kind = read_type(_out(results, "info"))
         if link.bssid is None and kind is not None and kind != "managed":
@@ -439,7 +407,7 @@ class AssociatedProbe:
             yield BearerFinding(Verdict.WARN, "whose-unknown", message, "declare its `ssid`, or the `mac` of its radio")
 
     def _radio_says(
-        self, link: WifiLink, station: Station | None, results: Mapping[str, Answer]
+        self, link: WifiLink, station: Station | None, results: Mapping[str, base.Answer]
     ) -> Iterator[BearerFinding]:
         yield from judge_level(self.endpoint, _level(link, station), self.name, self._radio)
         yield from judge_chains(station.chains_dbm if station else (), self.name, self._radio)
@@ -448,31 +416,31 @@ class AssociatedProbe:
         width = read_width(_out(results, "info"))
         yield from judge_channel(self.country, link.frequency_mhz, width, self.name)
         rules = read_rules(_out(results, "rules"))
-        yield from judge_country(self.country, rules, PLACES[self.place])
+        yield from judge_country(self.country, rules, base.PLACES[self.place])
 
-    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Ping it; what goes another way than by this radio says nothing of it."""
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
-        way = read_route(results.get("route"), self.address)
-        card = read_card(results.get("addr"))
+            return base.ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+        way = ping.read_route(results.get("route"), self.address)
+        card = ping.read_card(results.get("addr"))
         mine = {self.endpoint.interface, card.master if card else None}
         if way is not None and way.interface not in mine:
             message = f"packets to {self.name} ({self.address}) leave by {way.interface}, and not by {self._radio}"
             hint = f"type it there: ip route get {self.address}; then correct the address or the route"
-            return ProbeResult(
-                (BearerFinding(Verdict.FAIL, "other-way", message, hint),), (read("way", way.interface),)
+            return base.ProbeResult(
+                (BearerFinding(Verdict.FAIL, "other-way", message, hint),), (base.read("way", way.interface),)
             )
-        if way is None and not tuple(not_run(self.place, "ip", results.get("route"))):
-            message = f"{PLACES[self.place]} has no route to {self.name} ({self.address})"
+        if way is None and not tuple(base.not_run(self.place, "ip", results.get("route"))):
+            message = f"{base.PLACES[self.place]} has no route to {self.name} ({self.address})"
             hint = f"does {self.endpoint.interface} have an address? On it: ip -br addr"
-            return ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
-        target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return judge_ping(target, results.get("ping"))
+            return base.ProbeResult((BearerFinding(Verdict.FAIL, "no-route", message, hint),))
+        target = ping.NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return ping.judge_ping(target, results.get("ping"))
 
-    def _evidence(self, link: WifiLink, station: Station | None) -> tuple[Evidence, ...]:
+    def _evidence(self, link: WifiLink, station: Station | None) -> tuple[report.Evidence, ...]:
         at = self._radio
         sent_mbps, received_mbps = _rates(link, station)
         values = (
@@ -483,9 +451,11 @@ class AssociatedProbe:
             ("rate sent at by", sent_mbps, "Mbit/s"),
             ("rate received at by", received_mbps, "Mbit/s"),
         )
-        result = tuple(read(f"{what} {at}", value, unit) for what, value, unit in values if value not in {None, ""})
+        result = tuple(
+            base.read(f"{what} {at}", value, unit) for what, value, unit in values if value not in {None, ""}
+        )
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*result, declared_evidence("signal wanted", bounds))
+        return (*result, base.declared_evidence("signal wanted", bounds))
 
 
 def _level(link: WifiLink, station: Station | None) -> float | None:
@@ -500,14 +470,14 @@ def _rates(link: WifiLink, station: Station | None) -> tuple[float | None, float
     )
 
 
-def _out(results: Mapping[str, Answer], name: str) -> str:
+def _out(results: Mapping[str, base.Answer], name: str) -> str:
     ran = results.get(name)
-    return ran.out if isinstance(ran, CommandResult) and ran.trouble is None else ""
+    return ran.out if isinstance(ran, base.CommandResult) and ran.trouble is None else ""
 
 
-def _err(results: Mapping[str, Answer], name: str) -> str:
+def _err(results: Mapping[str, base.Answer], name: str) -> str:
     ran = results.get(name)
-    return ran.err if isinstance(ran, CommandResult) else ""
+    return ran.err if isinstance(ran, base.CommandResult) else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -519,61 +489,61 @@ class RegisteredProbe:
     """
 
     name: str
-    place: Place
-    endpoint: WifiEndpoint
+    place: base.Place
+    endpoint: model.WifiEndpoint
     address: str | None
     mac: str | None
     """Of the vehicle's radio, upper case; None: nobody has declared it."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Give the tables and the ping."""
         host = self.endpoint.seen_by
-        tables = () if host is None else tuple(RouterOsQuery(f, host, wifi_queries(f, "")[0]) for f in Family)
+        tables = () if host is None else tuple(base.RouterOsQuery(f, host, wifi.queries(f, "")[0]) for f in wifi.Family)
         if self.address is None:
             return tables
-        return (*tables, route_request(self.place, self.address), ping_request(self.place, self.address))
+        return (*tables, ping.route_request(self.place, self.address), ping.ping_request(self.place, self.address))
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge what the access point says, then the ping; where nobody can ask the access point, the ping is first."""
         parts = [self._registration(results), self._judge_reachability(results)]
         if self.endpoint.seen_by is None:
             parts.reverse()
         findings = tuple(finding for part in parts for finding in part.findings)
-        return ProbeResult(findings, tuple(evidence for part in parts for evidence in part.evidence))
+        return base.ProbeResult(findings, tuple(evidence for part in parts for evidence in part.evidence))
 
-    def _registration(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def _registration(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         host = self.endpoint.seen_by
         if host is None:
             message = f"no device of ours sees the association of {self.name}, nor its signal"
             hint = "its ping is all there is: name the access point's RouterOS device in `endpoints.wifi.seen_by`"
-            return ProbeResult((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
-        answers = {family: results.get(family) for family in Family}
-        if all(not isinstance(result, Rows) or result.trouble is not None for result in answers.values()):
-            return ProbeResult((no_answer_finding(host, answers[Family.WIRELESS]),))
-        tables = {family: rows for family, answer in answers.items() if (rows := rows_of(answer)) is not None}
+            return base.ProbeResult((BearerFinding(Verdict.WARN, "association-unseen", message, hint),))
+        answers = {family: results.get(family) for family in wifi.Family}
+        if all(not isinstance(result, base.Rows) or result.trouble is not None for result in answers.values()):
+            return base.ProbeResult((base.no_answer_finding(host, answers[wifi.Family.WIRELESS]),))
+        tables = {family: rows for family, answer in answers.items() if (rows := base.rows_of(answer)) is not None}
         if not tables:
             message = f"{host} has no registration table, in neither of its two menus for radios"
             hint = "is `endpoints.wifi.seen_by` the device with the access point? RouterOS 7.13 on needs a package"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
-        peers = [peer for family, rows in tables.items() for peer in read_wifi(family, rows, None).peers]
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-radio", message, hint),))
+        peers = [peer for family, rows in tables.items() for peer in wifi.read(family, rows, None).peers]
         return self._judge_registration(host, peers)
 
-    def _judge_registration(self, host: str, peers: list[WifiPeer]) -> ProbeResult:
+    def _judge_registration(self, host: str, peers: list[wifi.WifiPeer]) -> base.ProbeResult:
         others = f"{len(peers)} other{'' if len(peers) == 1 else 's'}" if peers else "nobody else"
         if self.mac is None:
             message = f"nobody has declared the MAC address of {self.name}, by which {host} would know it"
             hint = "write `endpoints.wifi.mac`, or reserve its address in `site.lan.reservations`"
-            return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
+            return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "mac-unknown", message, hint),))
         mine = next((peer for peer in peers if peer.mac == self.mac), None)
         if mine is None:
             message = f"{self.name} ({self.mac}) is not registered at {host}; {others} is"
             hint = "is it on, with the SSID and key of the site? If its radio was exchanged, correct its MAC address"
-            return ProbeResult(
+            return base.ProbeResult(
                 (BearerFinding(Verdict.FAIL, "not-registered", message.replace("others is", "others are"), hint),)
             )
-        return ProbeResult(tuple(self._findings(host, mine)), self._evidence(host, mine))
+        return base.ProbeResult(tuple(self._findings(host, mine)), self._evidence(host, mine))
 
-    def _findings(self, host: str, peer: WifiPeer) -> Iterator[BearerFinding]:
+    def _findings(self, host: str, peer: wifi.WifiPeer) -> Iterator[BearerFinding]:
         if peer.is_authorised is False:
             message = f"{self.name} is registered at {host}, but not authorised: the keys differ"
             yield BearerFinding(
@@ -586,7 +556,7 @@ class RegisteredProbe:
         yield from judge_chains(peer.chains_dbm, self.name, host)
         yield from judge_rate(self.endpoint, peer.tx_rate_mbps, peer.rx_rate_mbps, self.name, host)
 
-    def _evidence(self, host: str, peer: WifiPeer) -> tuple[Evidence, ...]:
+    def _evidence(self, host: str, peer: wifi.WifiPeer) -> tuple[report.Evidence, ...]:
         chains = ", ".join("?" if item is None else f"{item:g}" for item in peer.chains_dbm)
         values = (
             ("station registered at", peer.mac, ""),
@@ -597,27 +567,27 @@ class RegisteredProbe:
             ("rate received at by", peer.rx_rate_mbps, "Mbit/s"),
             ("registered for, at", peer.uptime_s, "s"),
         )
-        result = tuple(read(f"{what} {host}", value, unit) for what, value, unit in values if value is not None)
+        result = tuple(base.read(f"{what} {host}", value, unit) for what, value, unit in values if value is not None)
         bounds = f"{self.endpoint.low_dbm:g} to {self.endpoint.high_dbm:g} dBm"
-        return (*result, declared_evidence("signal wanted", bounds))
+        return (*result, base.declared_evidence("signal wanted", bounds))
 
-    def _judge_reachability(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def _judge_reachability(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         if self.address is None:
             message = f"no address of {self.name} is known here: loss and round trip were not measured"
             hint = "reserve one in `site.lan.reservations`, or write `endpoints.wifi.address`"
-            return ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
-        way = read_route(results.get("route"), self.address)
-        if local := tuple(own_address(self.place, self.name, self.address, way)):
-            return ProbeResult(local)
-        target = NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
-        return judge_ping(target, results.get("ping"))
+            return base.ProbeResult((BearerFinding(Verdict.WARN, "no-address", message, hint),))
+        way = ping.read_route(results.get("route"), self.address)
+        if local := tuple(ping.own_address(self.place, self.name, self.address, way)):
+            return base.ProbeResult(local)
+        target = ping.NeighbourPing(self.name, self.address, self.place, self.endpoint.loss_percent, FAIL_LOSS_PERCENT)
+        return ping.judge_ping(target, results.get("ping"))
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the bridges of a location, and the row's own Wi-Fi where it is declared."""
     bridges = link_steps(
         cell,
-        Column.WIFI,
+        model.Column.WIFI,
         lambda bearer: f"Wi-Fi bridge {bearer.name} of {cell.name} carries traffic, and both ends hear each other well",
     )
     endpoint = cell.wifi
@@ -626,41 +596,41 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return bridges or (() if cell.vehicle is not None else (_by_a_person(cell),))
 
 
-def _radio_step(cell: Cell, endpoint: WifiEndpoint, name: str) -> Step:
+def _radio_step(cell: base.Cell, endpoint: model.WifiEndpoint, name: str) -> base.Step:
     probe = _probe(cell, endpoint)
     gateway = cell.gateway
     concerns = (endpoint.seen_by, gateway.name if gateway is not None else None)
-    return Step(
+    return base.Step(
         name=name,
         title=_title(cell, endpoint),
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=probe,
         concerns=tuple(concern for concern in concerns if concern is not None),
     )
 
 
-def _title(cell: Cell, endpoint: WifiEndpoint) -> str:
-    if endpoint.role is WifiRole.ACCESS_POINT:
+def _title(cell: base.Cell, endpoint: model.WifiEndpoint) -> str:
+    if endpoint.role is model.WifiRole.ACCESS_POINT:
         return f"Access point of {cell.name} is heard well, and answers without loss"
     if endpoint.seen_by is None:
         return f"{cell.name} answers over the Wi-Fi of the site without loss"
     return f"{cell.name} is registered at {endpoint.seen_by}, is heard well, and answers without loss"
 
 
-def _probe(cell: Cell, endpoint: WifiEndpoint) -> Probe:
+def _probe(cell: base.Cell, endpoint: model.WifiEndpoint) -> base.Probe:
     place, address = cell.place(endpoint.seen_from), cell.address(endpoint.address)
-    if endpoint.role is WifiRole.ACCESS_POINT:
+    if endpoint.role is model.WifiRole.ACCESS_POINT:
         return AssociatedProbe(cell.name, place, endpoint, address, cell.declaration.pilot.country)
     return RegisteredProbe(cell.name, place, endpoint, address, reserved_mac(cell, endpoint.mac))
 
 
-def _by_a_person(cell: Cell) -> Step:
-    return Step(
+def _by_a_person(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="",
         title=f"Wi-Fi of {cell.name} works",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=f"Connect a computer to the Wi-Fi of {cell.name} where the vehicles will be, and look at its level.",
         look_for="It connects, hears the access point with -35 to -75 dBm, and pings the gateway without loss.",
     )

@@ -9,62 +9,67 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import ShownState, grid, state
-from atlantis_netcfg.checklist.report._words import closing, english, evidence_words, signature_line
+from atlantis_netcfg.checklist.report import _shapes, _words
 from atlantis_netcfg.core.errors import ExitCode
-from atlantis_netcfg.runs.report.drift import add, clean, count, render_xml, skip, tell
+from atlantis_netcfg.runs.report import drift
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.checklist.report.document import Document, Item
 
-_FAILURES = frozenset({ShownState.FAIL, ShownState.INCONCLUSIVE, ShownState.OPEN})
+_FAILURES = frozenset({_shapes.ShownState.FAIL, _shapes.ShownState.INCONCLUSIVE, _shapes.ShownState.OPEN})
 
 
 def junit(document: Document) -> bytes:
     """The file, the same for the same document."""
     rehearsal_note = ", rehearsed: nothing real was checked" if document.rehearsed else ""
-    root = ET.Element("testsuites", name=clean(f"checklist of {document.site}{rehearsal_note}"))
+    root = ET.Element("testsuites", name=drift.clean(f"checklist of {document.site}{rehearsal_note}"))
     root.append(_whole(document))
-    for row in grid(document).rows:
+    for row in _shapes.grid(document).rows:
         if row.items:
             root.append(_suite(row.row.key, row.items))
     if document.left_out:
         root.append(_left_out(document))
-    return render_xml(root)
+    return drift.render_xml(root)
 
 
 def _whole(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="checklist", time="0")
     case = ET.SubElement(suite, "testcase", name="something was checked", classname="checklist", time="0")
     if document.exit is ExitCode.NOTHING:
-        add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
-    tell(case, f"run {document.run}", closing(document, english), signature_line(document), *document.notes)
-    count(suite)
+        drift.add(case, "error", "NOTHING", "nothing was checked: there is no item that is not skipped")
+    drift.tell(
+        case,
+        f"run {document.run}",
+        _words.closing(document, _words.english),
+        _words.signature_line(document),
+        *document.notes,
+    )
+    drift.count(suite)
     return suite
 
 
 def _suite(key: str, items: tuple[Item, ...]) -> ET.Element:
     seconds = sum(item.seconds or 0 for item in items)
-    suite = ET.Element("testsuite", name=clean(key), time=f"{seconds:.3f}")
+    suite = ET.Element("testsuite", name=drift.clean(key), time=f"{seconds:.3f}")
     for item in items:
-        attributes = {"name": clean(item.id), "classname": clean(key), "time": f"{item.seconds or 0:.3f}"}
+        attributes = {"name": drift.clean(item.id), "classname": drift.clean(key), "time": f"{item.seconds or 0:.3f}"}
         _judge(ET.SubElement(suite, "testcase", attributes), item)
-    count(suite)
+    drift.count(suite)
     return suite
 
 
 def _judge(case: ET.Element, item: Item) -> None:
-    shown_state = state(item)
+    shown_state = _shapes.state(item)
     words = filter(None, (item.message, item.hint))
     if shown_state in _FAILURES:
-        add(case, "failure", str(shown_state), *words)
-    elif shown_state is ShownState.ERROR:
-        add(case, "error", str(shown_state), *words)
-    elif shown_state is ShownState.SKIP:
-        skip(case, item.message)
-    tell(case, *_lines(item))
+        drift.add(case, "failure", str(shown_state), *words)
+    elif shown_state is _shapes.ShownState.ERROR:
+        drift.add(case, "error", str(shown_state), *words)
+    elif shown_state is _shapes.ShownState.SKIP:
+        drift.skip(case, item.message)
+    drift.tell(case, *_lines(item))
 
 
 def _lines(item: Item) -> Iterator[str]:
@@ -73,13 +78,13 @@ def _lines(item: Item) -> Iterator[str]:
     if item.override is not None:
         yield f"OVERRIDDEN by {item.override.by}: {item.override.reason}"
     yield from (f"{finding.verdict} {finding.code}: {finding.message}" for finding in item.findings)
-    yield from map(evidence_words, item.evidence)
+    yield from map(_words.evidence_words, item.evidence)
 
 
 def _left_out(document: Document) -> ET.Element:
     suite = ET.Element("testsuite", name="left out", time="0")
     for item in document.left_out:
-        case = ET.SubElement(suite, "testcase", name=clean(item.what), classname="left out", time="0")
-        skip(case, item.why)
-    count(suite)
+        case = ET.SubElement(suite, "testcase", name=drift.clean(item.what), classname="left out", time="0")
+        drift.skip(case, item.why)
+    drift.count(suite)
     return suite

@@ -8,22 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from atlantis_netcfg.checklist.report import _texts
+from atlantis_netcfg.checklist.report import _shapes, _texts, _words
 from atlantis_netcfg.checklist.report._junit import junit
 from atlantis_netcfg.checklist.report._photos import find_attachments
-from atlantis_netcfg.checklist.report._shapes import DARK, SYMBOLS, TINTS, ShownState, css_class, grid, state
 from atlantis_netcfg.checklist.report._svg import drawing_svg
 from atlantis_netcfg.checklist.report._texts import split_code
-from atlantis_netcfg.checklist.report._words import (
-    circumstances,
-    counts,
-    evidence_groups,
-    headline,
-    scope,
-    signature_line,
-    title,
-    to_look_at,
-)
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.runs.report.drift import clean
@@ -50,41 +39,47 @@ def html(document: Document, files: Mapping[str, bytes]) -> bytes:
         heading=_texts.heading(document),
         name=_texts.name_of_page(document),
         zone=document.time_zone,
-        signed=signature_line(document),
-        grid=grid(document),
-        headline=headline(document),
-        counts=counts(document.items),
-        scope=scope(document),
+        signed=_words.signature_line(document),
+        grid=_shapes.grid(document),
+        headline=_words.headline(document),
+        counts=_words.counts(document.items),
+        scope=_words.scope(document),
         anchors={id(item): f"i{number}" for number, item in enumerate(document.items, start=1)},
-        first=to_look_at(document),
+        first=_words.to_look_at(document),
         overridden=[item for item in document.items if item.override is not None],
-        unsettled=[item for item in document.items if state(item) in {ShownState.OPEN, ShownState.INCONCLUSIVE}],
+        unsettled=[
+            item
+            for item in document.items
+            if _shapes.state(item) in {_shapes.ShownState.OPEN, _shapes.ShownState.INCONCLUSIVE}
+        ],
         attached=find_attachments(document, files),
     )
 
 
 @cache
 def _style() -> str:
-    return _environment().get_template("style.css.j2").render(light=_classes(TINTS), dark=_classes(DARK))
+    return (
+        _environment().get_template("style.css.j2").render(light=_classes(_shapes.TINTS), dark=_classes(_shapes.DARK))
+    )
 
 
-def _classes(tints: Mapping[ShownState | None, Any]) -> dict[str, Any]:
-    return {css_class(item): tint for item, tint in tints.items()}
+def _classes(tints: Mapping[_shapes.ShownState | None, Any]) -> dict[str, Any]:
+    return {_shapes.css_class(item): tint for item, tint in tints.items()}
 
 
 @cache
 def _environment() -> Environment:
     result = page_environment("atlantis_netcfg.checklist.report")
     result.filters.update(
-        title_of=title, css=css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code
+        title_of=_words.title, css=_shapes.css_class, data_uri=_data_uri, tr=translate, say=_message, code=_with_code
     )
     result.filters.update(item_title=lambda item: _with_code(_texts.item_title(item)))
     result.globals.update(
-        state=state,
-        symbols=SYMBOLS,
+        state=_shapes.state,
+        symbols=_shapes.SYMBOLS,
         ident=id,
-        evidence_groups=evidence_groups,
-        circumstances=circumstances,
+        evidence_groups=_words.evidence_groups,
+        circumstances=_words.circumstances,
         text=_texts.PageText,
         subtitle=_texts.subtitle,
         also=_texts.also,

@@ -18,22 +18,7 @@ from enum import Enum
 from itertools import groupby
 from typing import TYPE_CHECKING, TypeAlias
 
-from atlantis_netcfg.checklist.report._shapes import (
-    BADGE_HEIGHT,
-    SYMBOLS,
-    TINTS,
-    Badge,
-    DrawingLayout,
-    DrawnBox,
-    DrawnWire,
-    ShownState,
-    badge_text,
-    badge_width,
-    css_class,
-    cut,
-    letters_of,
-    worst_state,
-)
+from atlantis_netcfg.checklist.report import _shapes
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.runs.report.drift import clean
 
@@ -49,7 +34,7 @@ _LEFT, _RIGHT = 18.0, 24.0
 _BOX_WIDTH, _BOX_HEIGHT, _GAP = 106.0, 38.0, 10.0
 _IN_A_ROW = 3
 _VEHICLE_WIDTH = 92.0
-_SLOT = BADGE_HEIGHT + 3
+_SLOT = _shapes.BADGE_HEIGHT + 3
 _RANKS = {
     "partner": 0,
     "vpn_server": 0,
@@ -72,7 +57,7 @@ class _DrawnPlace:
     """Where a node stands."""
 
     row: int
-    box: DrawnBox
+    box: _shapes.DrawnBox
 
 
 @dataclass(slots=True)
@@ -81,25 +66,27 @@ class _SvgSheet:
 
     items: dict[str, Item]
     places: dict[str, _DrawnPlace] = field(default_factory=dict)
-    wires: list[DrawnWire] = field(default_factory=list)
-    badges: list[Badge] = field(default_factory=list)
+    wires: list[_shapes.DrawnWire] = field(default_factory=list)
+    badges: list[_shapes.Badge] = field(default_factory=list)
     buses: list[float] = field(default_factory=list)
     """The common line below each row: above it hang badges of that row, below it stand those of the next."""
 
-    def state(self, names: Iterable[str]) -> ShownState | None:
+    def state(self, names: Iterable[str]) -> _shapes.ShownState | None:
         """The worst of some items; None where there are none of them."""
         known_items = [self.items[name] for name in names if name in self.items]
-        return worst_state(known_items) if known_items else None
+        return _shapes.worst_state(known_items) if known_items else None
 
 
-def states(document: Document) -> tuple[dict[str, ShownState | None], list[tuple[DrawnLink, ShownState | None]]]:
+def states(
+    document: Document,
+) -> tuple[dict[str, _shapes.ShownState | None], list[tuple[DrawnLink, _shapes.ShownState | None]]]:
     """How each node and each link is, for words beside the drawing."""
     sheet = _SvgSheet({item.id: item for item in document.items})
     nodes = {node.key: sheet.state(node.items) for node in document.drawing.nodes}
     return nodes, [(link, sheet.state(link.items)) for link in document.drawing.links]
 
 
-def layout(document: Document, *, wide: bool = False) -> DrawingLayout:
+def layout(document: Document, *, wide: bool = False) -> _shapes.DrawingLayout:
     """Arrange the drawing of a document; the same for the same document.
 
     `wide`: the vehicles stand beside the devices, not below them, for a page that is wider than a telephone.
@@ -114,9 +101,9 @@ def layout(document: Document, *, wide: bool = False) -> DrawingLayout:
     wide = wide and bool(vehicles) and bool(devices)
     left, top = (_WIDTH, 0.0) if wide else (0.0, bottom)
     height = max(bottom, _vehicles(sheet, vehicles, links, left, top))
-    height = max([height, *(badge.y + BADGE_HEIGHT + 4 for badge in sheet.badges)])
+    height = max([height, *(badge.y + _shapes.BADGE_HEIGHT + 4 for badge in sheet.badges)])
     boxes = tuple(place.box for place in sheet.places.values())
-    return DrawingLayout(left + _WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
+    return _shapes.DrawingLayout(left + _WIDTH, height, tuple(sheet.wires), boxes, tuple(sheet.badges))
 
 
 def _others(link: DrawnLink, ends: set[str]) -> set[str]:
@@ -202,10 +189,10 @@ def _fan(links: Sequence[DrawnLink], key: str, row_of: dict[str, int], row: int)
     return len([other for other in others if row_of[other] == row])
 
 
-def _layout_box(sheet: _SvgSheet, node: DrawnNode, x: float, y: float, width: float) -> DrawnBox:
+def _layout_box(sheet: _SvgSheet, node: DrawnNode, x: float, y: float, width: float) -> _shapes.DrawnBox:
     words = node.detail or _kind(node.kind)
-    label, detail = cut(node.label, _NAME_LETTERS), cut(words, _DETAIL_LETTERS)
-    return DrawnBox(x, y, width, _BOX_HEIGHT, label, detail, node.kind, sheet.state(node.items))
+    label, detail = _shapes.cut(node.label, _NAME_LETTERS), _shapes.cut(words, _DETAIL_LETTERS)
+    return _shapes.DrawnBox(x, y, width, _BOX_HEIGHT, label, detail, node.kind, sheet.state(node.items))
 
 
 def _layout_wire(sheet: _SvgSheet, slots: _Slots, row_of: dict[str, int]) -> None:
@@ -214,13 +201,13 @@ def _layout_wire(sheet: _SvgSheet, slots: _Slots, row_of: dict[str, int]) -> Non
         for number, link in enumerate(links):
             state = sheet.state(link.items)
             badge = _layout_badge(link, state, _spot(box, side, number), (0.0, _WIDTH))
-            route = _route(sheet, *_ends(link, row_of), badge.y + BADGE_HEIGHT / 2)
-            sheet.wires.append(DrawnWire(route, state, link.kind in _THROUGH))
+            route = _route(sheet, *_ends(link, row_of), badge.y + _shapes.BADGE_HEIGHT / 2)
+            sheet.wires.append(_shapes.DrawnWire(route, state, link.kind in _THROUGH))
             if link.label.strip():
                 sheet.badges.append(badge)
 
 
-def _spot(box: DrawnBox, side: _Side, number: int) -> tuple[float, float]:
+def _spot(box: _shapes.DrawnBox, side: _Side, number: int) -> tuple[float, float]:
     """Middle and top of the n-th badge at a node."""
     if side is _Side.BESIDE:
         return (_LEFT / 2 + box.x) / 2, box.y + 2 + _SLOT * number
@@ -230,14 +217,14 @@ def _spot(box: DrawnBox, side: _Side, number: int) -> tuple[float, float]:
 
 
 def _layout_badge(
-    link: DrawnLink, state: ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
-) -> Badge:
+    link: DrawnLink, state: _shapes.ShownState | None, spot: tuple[float, float], edges: tuple[float, float]
+) -> _shapes.Badge:
     """`spot`: middle and top; `edges`: between which it has to stay."""
-    label = cut(translate(link.label), _BADGE_LETTERS)
-    width = badge_width(label, state)
+    label = _shapes.cut(translate(link.label), _BADGE_LETTERS)
+    width = _shapes.badge_width(label, state)
     left, right = edges
     x = min(max(spot[0] - width / 2, left + 1), max(right - width - 1, left + 1))
-    return Badge(x, spot[1], width, badge_text(label, state), state)
+    return _shapes.Badge(x, spot[1], width, _shapes.badge_text(label, state), state)
 
 
 def _route(sheet: _SvgSheet, upper: str, lower: str, badge: float) -> tuple[tuple[float, float], ...]:
@@ -263,7 +250,9 @@ def _vehicles(
         local = [link for link in links if node.key in {link.a, link.b}]
         box = _layout_box(sheet, node, left + 4, y, _VEHICLE_WIDTH)
         sheet.places[node.key] = _DrawnPlace(-1, box)
-        low = _flow(sheet, [link for link in local if link.label.strip()], left, y + (_BOX_HEIGHT - BADGE_HEIGHT) / 2)
+        low = _flow(
+            sheet, [link for link in local if link.label.strip()], left, y + (_BOX_HEIGHT - _shapes.BADGE_HEIGHT) / 2
+        )
         middle = y + _BOX_HEIGHT / 2
         ends = dict.fromkeys(link.b if link.a == node.key else link.a for link in local)
         for end in ends:
@@ -271,10 +260,12 @@ def _vehicles(
                 lane = lanes.setdefault(end, _WIDTH - 8 - 5 * (len(lanes) % 3))
                 both = [item for link in local if end in {link.a, link.b} for item in link.items]
                 if left and sheet.badges:
-                    sheet.wires.append(DrawnWire(((box.x + box.width, middle), (box.x + box.width + 12, middle)), None))
+                    sheet.wires.append(
+                        _shapes.DrawnWire(((box.x + box.width, middle), (box.x + box.width + 12, middle)), None)
+                    )
                 side = box.x if left else box.x + box.width
-                sheet.wires.append(DrawnWire(((side, middle), (lane, middle)), sheet.state(both)))
-                sheet.wires.append(DrawnWire(_down(sheet.places[end].box, lane, middle), None))
+                sheet.wires.append(_shapes.DrawnWire(((side, middle), (lane, middle)), sheet.state(both)))
+                sheet.wires.append(_shapes.DrawnWire(_down(sheet.places[end].box, lane, middle), None))
         y = max(y + _BOX_HEIGHT, low)
     return y + 6
 
@@ -285,15 +276,15 @@ def _flow(sheet: _SvgSheet, links: Sequence[DrawnLink], left: float, y: float) -
     edges = (left, left + _WIDTH)
     for link in links:
         state = sheet.state(link.items)
-        width = badge_width(cut(translate(link.label), _BADGE_LETTERS), state)
+        width = _shapes.badge_width(_shapes.cut(translate(link.label), _BADGE_LETTERS), state)
         if x > start and x + width > left + _WIDTH - _RIGHT:
             x, y = start, y + _SLOT
         sheet.badges.append(_layout_badge(link, state, (x + width / 2, y), edges))
         x += width + 4
-    return y + _SLOT + (_BOX_HEIGHT - BADGE_HEIGHT) / 2
+    return y + _SLOT + (_BOX_HEIGHT - _shapes.BADGE_HEIGHT) / 2
 
 
-def _down(box: DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ...]:
+def _down(box: _shapes.DrawnBox, lane: float, y: float) -> tuple[tuple[float, float], ...]:
     start = box.y + box.height / 2
     return ((box.x + box.width, start), (lane, start), (lane, y))
 
@@ -366,37 +357,42 @@ def _beside(words: str) -> str:
     return f", {words}" if words else ""
 
 
-def _group(root: ET.Element, state: ShownState | None, kind: str) -> ET.Element:
-    return ET.SubElement(root, "g", {"class": f"{kind} {css_class(state)}"})
+def _group(root: ET.Element, state: _shapes.ShownState | None, kind: str) -> ET.Element:
+    return ET.SubElement(root, "g", {"class": f"{kind} {_shapes.css_class(state)}"})
 
 
-def _wire(root: ET.Element, wire: DrawnWire) -> None:
+def _wire(root: ET.Element, wire: _shapes.DrawnWire) -> None:
     points = " ".join(f"{x:g},{y:g}" for x, y in wire.points)
-    tint = TINTS[wire.state]
+    tint = _shapes.TINTS[wire.state]
     attributes = {"points": points, "fill": "none", "stroke": tint.edge, "stroke-width": "1.6", "class": "line"}
     if wire.is_dashed:
         attributes["stroke-dasharray"] = "4 3"
     ET.SubElement(_group(root, wire.state, "wire"), "polyline", attributes)
 
 
-def _box(root: ET.Element, box: DrawnBox) -> None:
-    tint = TINTS[box.state]
+def _box(root: ET.Element, box: _shapes.DrawnBox) -> None:
+    tint = _shapes.TINTS[box.state]
     group = _group(root, box.state, "box")
     shape = {"x": f"{box.x:g}", "y": f"{box.y:g}", "width": f"{box.width:g}", "height": f"{box.height:g}", "rx": "5"}
     ET.SubElement(group, "rect", shape | {"fill": tint.paper, "stroke": tint.edge, "class": "face"})
-    sign = f"{SYMBOLS[box.state]} " if box.state is not None else ""
+    sign = f"{_shapes.SYMBOLS[box.state]} " if box.state is not None else ""
     detail = box.detail
-    size = min(11.0, (box.width - 6) / (0.66 * max(letters_of(sign + box.label), 1)))
+    size = min(11.0, (box.width - 6) / (0.66 * max(_shapes.letters_of(sign + box.label), 1)))
     name = {"font-size": f"{size:.2f}", "font-weight": "bold", "fill": tint.ink}
     _write(group, f"{sign}{box.label}", (box.middle, box.y + (16 if detail else 23)), name)
     if detail:
         _write(group, detail, (box.middle, box.y + 30), {"font-size": "9", "fill": tint.ink})
 
 
-def _badge(root: ET.Element, badge: Badge) -> None:
-    tint = TINTS[badge.state]
+def _badge(root: ET.Element, badge: _shapes.Badge) -> None:
+    tint = _shapes.TINTS[badge.state]
     group = _group(root, badge.state, "badge")
-    shape = {"x": f"{badge.x:g}", "y": f"{badge.y:g}", "width": f"{badge.width:g}", "height": f"{BADGE_HEIGHT:g}"}
+    shape = {
+        "x": f"{badge.x:g}",
+        "y": f"{badge.y:g}",
+        "width": f"{badge.width:g}",
+        "height": f"{_shapes.BADGE_HEIGHT:g}",
+    }
     ET.SubElement(group, "rect", shape | {"rx": "8", "fill": tint.paper, "stroke": tint.edge, "class": "face"})
     _write(group, badge.text, (badge.x + badge.width / 2, badge.y + 11.6), {"font-size": "10", "fill": tint.ink})
 

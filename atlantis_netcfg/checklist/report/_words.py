@@ -9,11 +9,10 @@ from collections.abc import Callable
 from textwrap import wrap
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._shapes import ASCII, GREEN, Grid, GridCell, GridRow, ShownState, cut, grid, state
-from atlantis_netcfg.checklist.report._texts import EVIDENCE, KINDS, PHASES, PageText, differs, item_title
+from atlantis_netcfg.checklist.report import _shapes, _texts
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, StyledText, plain, visible
 from atlantis_netcfg.core.times import time_text
 
 if TYPE_CHECKING:
@@ -44,53 +43,56 @@ def title(endpoint: str) -> str:
     return _TITLES.get(endpoint, endpoint)
 
 
-def counts(items: Iterable[Item]) -> dict[ShownState, int]:
+def counts(items: Iterable[Item]) -> dict[_shapes.ShownState, int]:
     """How many there are of each state, the worst first, without those that there are none of."""
-    states = [state(item) for item in items]
-    return {entry: states.count(entry) for entry in reversed(ShownState) if entry in states}
+    states = [_shapes.state(item) for item in items]
+    return {entry: states.count(entry) for entry in reversed(_shapes.ShownState) if entry in states}
 
 
 def by_state(items: Iterable[Item]) -> list[Item]:
     """The worst first; those of one state in the order of the list."""
-    order = tuple(reversed(ShownState))
-    return sorted(items, key=lambda item: order.index(state(item)))
+    order = tuple(reversed(_shapes.ShownState))
+    return sorted(items, key=lambda item: order.index(_shapes.state(item)))
 
 
 def to_look_at(document: Document) -> tuple[str, list[Item]]:
     """What somebody has to look at, the worst first, and a heading for it."""
-    every = [item for item in by_state(document.items) if state(item) not in _SETTLED_STATES]
-    grave = any(state(item) not in GREEN for item in every)
+    every = [item for item in by_state(document.items) if _shapes.state(item) not in _SETTLED_STATES]
+    grave = any(_shapes.state(item) not in _shapes.GREEN for item in every)
     return "What to mend first" if grave else "What to look at", every
 
 
-_SETTLED_STATES = frozenset({ShownState.PASS, ShownState.SKIP, ShownState.OVERRIDDEN})
+_SETTLED_STATES = frozenset({_shapes.ShownState.PASS, _shapes.ShownState.SKIP, _shapes.ShownState.OVERRIDDEN})
 
 
-def headline(document: Document) -> tuple[ShownState, str]:
+def headline(document: Document) -> tuple[_shapes.ShownState, str]:
     """The verdict of the whole in one word and one sentence."""
     values = counts(document.items)
     if document.exit is ExitCode.NOTHING:
-        return ShownState.NOT_CHECKED, "Nothing was checked"
+        return _shapes.ShownState.NOT_CHECKED, "Nothing was checked"
     shown_state = next(iter(values)) if document.exit is not ExitCode.DONE else _pass_state(values)
     of_all, of_some = _HEADLINES.get(shown_state, _NOT_PASSED) if document.exit is ExitCode.DONE else _NOT_PASSED
     return shown_state, of_some.format(scope=scope(document)) if document.scope else of_all
 
 
-def _pass_state(values: Mapping[ShownState, int]) -> ShownState:
-    return next((state for state in (ShownState.OVERRIDDEN, ShownState.WARN) if state in values), ShownState.PASS)
+def _pass_state(values: Mapping[_shapes.ShownState, int]) -> _shapes.ShownState:
+    return next(
+        (state for state in (_shapes.ShownState.OVERRIDDEN, _shapes.ShownState.WARN) if state in values),
+        _shapes.ShownState.PASS,
+    )
 
 
 _NOT_PASSED = ("The checklist has not passed", "The checklist has not passed, for {scope} alone")
 _HEADLINES = {
-    ShownState.OVERRIDDEN: (
+    _shapes.ShownState.OVERRIDDEN: (
         "The checklist has passed, with what a person has overruled",
         "The checklist has passed, for {scope} alone, with what a person has overruled",
     ),
-    ShownState.WARN: (
+    _shapes.ShownState.WARN: (
         "The checklist has passed, with warnings",
         "The checklist has passed, for {scope} alone, with warnings",
     ),
-    ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} alone"),
+    _shapes.ShownState.PASS: ("The checklist has passed", "The checklist has passed, for {scope} alone"),
 }
 
 
@@ -111,21 +113,23 @@ Say = Callable[[str], str]
 def closing(document: Document, say: Say) -> str:
     """The exit in words."""
     words = ", ".join(f"{number} {item}" for item, number in counts(document.items).items())
-    return f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(PageText.NO_ITEMS)}"
+    return (
+        f"{say(headline(document)[1])} ({say(f'exit {int(document.exit)}')}): {words or say(_texts.PageText.NO_ITEMS)}"
+    )
 
 
 def signature_line(document: Document) -> str:
     """Who vouches for it."""
     if document.signed is None:
         return "NOT SIGNED: nobody vouches for it"
-    return f"Signed by {visible(document.signed.by)}, {time_text(document.signed.at, document.time_zone)}"
+    return f"Signed by {printable.visible(document.signed.by)}, {time_text(document.signed.at, document.time_zone)}"
 
 
 def evidence_type(evidence: Evidence, say: Say, zone: str) -> str:
     """What it stands on, and whose and when it is."""
     by = f", {evidence.by}" if evidence.by is not None else ""
     at = f", {time_text(evidence.at, zone)}" if evidence.at is not None else ""
-    return f"{say(EVIDENCE[evidence.type])}{by}{at}"
+    return f"{say(_texts.EVIDENCE[evidence.type])}{by}{at}"
 
 
 def evidence_groups(item: Item, say: Say, zone: str) -> list[tuple[str, list[Evidence]]]:
@@ -149,13 +153,13 @@ def evidence_words(evidence: Evidence) -> str:
 
 def circumstances(item: Item, say: Say, zone: str) -> str:
     """Who looks, where, when, how long, and whether it belongs to the table."""
-    words = [say(KINDS[item.kind]), say(PHASES[item.phase])]
+    words = [say(_texts.KINDS[item.kind]), say(_texts.PHASES[item.phase])]
     if item.at is not None:
         words.append(time_text(item.at, zone))
     if item.seconds is not None:
         words.append(f"{item.seconds:.1f} s")
     if not item.table3:
-        words.append(say(PageText.BESIDE_TABLE))
+        words.append(say(_texts.PageText.BESIDE_TABLE))
     return ", ".join(words)
 
 
@@ -165,26 +169,26 @@ _NAME, _CELL = 14, 7
 _MARGIN = 15
 """Where the words of an item begin."""
 _GRID = {
-    ShownState.PASS: "ok",
-    ShownState.INCONCLUSIVE: "?",
-    ShownState.OVERRIDDEN: "FAIL*",
-    ShownState.NOT_CHECKED: ".",
+    _shapes.ShownState.PASS: "ok",
+    _shapes.ShownState.INCONCLUSIVE: "?",
+    _shapes.ShownState.OVERRIDDEN: "FAIL*",
+    _shapes.ShownState.NOT_CHECKED: ".",
 }
 _WORDS = {
-    ShownState.INCONCLUSIVE: "? INCONCLUSIVE",
-    ShownState.OVERRIDDEN: "FAIL* overridden by a person",
-    ShownState.NOT_CHECKED: ". not checked",
+    _shapes.ShownState.INCONCLUSIVE: "? INCONCLUSIVE",
+    _shapes.ShownState.OVERRIDDEN: "FAIL* overridden by a person",
+    _shapes.ShownState.NOT_CHECKED: ". not checked",
 }
 _BELOW = ("robot", "integration", "items")
 """Columns that have lines of their own on a console, below the table, which is as wide as that already."""
 _HEADS = {"acoustic": "Acous.", "satellite": "Satel.", "ethernet": "Ether."}
-_BRIEF = frozenset({ShownState.OPEN, ShownState.SKIP, ShownState.PASS})
+_BRIEF = frozenset({_shapes.ShownState.OPEN, _shapes.ShownState.SKIP, _shapes.ShownState.PASS})
 """What is told after the rest, in a line each or by name alone."""
 
 
 def lines(document: Document) -> str:
     """The text, without a line feed at the end."""
-    return "\n".join([*body(document), "", *map(plain, ending(document))])
+    return "\n".join([*body(document), "", *map(printable.plain, ending(document))])
 
 
 def body(document: Document) -> Iterator[str]:
@@ -196,7 +200,7 @@ def body(document: Document) -> Iterator[str]:
     yield ""
     yield from _grid(document)
     for item in by_state(document.items):
-        if state(item) not in _BRIEF:
+        if _shapes.state(item) not in _BRIEF:
             yield ""
             yield from _item(item, document.time_zone)
     yield ""
@@ -214,43 +218,43 @@ def seal(document: Document) -> Iterator[str]:
         yield from _wrap_words("", translate(f"key {document.signed.key}"))
 
 
-def ending(document: Document, room: int = 8, *, with_signature: bool = True) -> list[Row]:
+def ending(document: Document, room: int = 8, *, with_signature: bool = True) -> list[printable.Row]:
     """How it ended, in at most `room` lines: verdict, counts, the worst item with what to do.
 
     `with_signature`: and who has signed.
     """
-    rows: list[Row] = [*_verdict_rows(document), *_counts_rows(document)]
+    rows: list[printable.Row] = [*_verdict_rows(document), *_counts_rows(document)]
     last = [*_wrap_words("", translate(signature_line(document)))] if with_signature else []
     return [*rows, *_worst_rows(document, room - len(rows) - len(last)), *last]
 
 
 _STYLES = {
-    ShownState.PASS: Style.GOOD,
-    ShownState.WARN: Style.WARNING,
-    ShownState.OVERRIDDEN: Style.WARNING,
-    ShownState.INCONCLUSIVE: Style.WARNING,
-    ShownState.OPEN: Style.WARNING,
-    ShownState.FAIL: Style.BAD,
-    ShownState.ERROR: Style.BAD,
+    _shapes.ShownState.PASS: printable.Style.GOOD,
+    _shapes.ShownState.WARN: printable.Style.WARNING,
+    _shapes.ShownState.OVERRIDDEN: printable.Style.WARNING,
+    _shapes.ShownState.INCONCLUSIVE: printable.Style.WARNING,
+    _shapes.ShownState.OPEN: printable.Style.WARNING,
+    _shapes.ShownState.FAIL: printable.Style.BAD,
+    _shapes.ShownState.ERROR: printable.Style.BAD,
 }
 
 
-def _colour(shown_state: ShownState, text: str) -> str | StyledText:
-    return StyledText(text, _STYLES[shown_state]) if shown_state in _STYLES else text
+def _colour(shown_state: _shapes.ShownState, text: str) -> str | printable.StyledText:
+    return printable.StyledText(text, _STYLES[shown_state]) if shown_state in _STYLES else text
 
 
-def _verdict_rows(document: Document) -> Iterator[Row]:
+def _verdict_rows(document: Document) -> Iterator[printable.Row]:
     shown_state, words = headline(document)
-    mark = f"{ASCII[shown_state]} {shown_state}"
+    mark = f"{_shapes.ASCII[shown_state]} {shown_state}"
     first, *rest = _wrap_words("", f"{mark}: {translate(words)}")
     yield (_colour(shown_state, mark), first.removeprefix(mark))
     yield from rest
 
 
-def _counts_rows(document: Document) -> Iterator[Row]:
+def _counts_rows(document: Document) -> Iterator[printable.Row]:
     """How many of each, the exit code, and whether it was rehearsed."""
     count_texts = [(shown_state, f"{number} {shown_state}") for shown_state, number in counts(document.items).items()]
-    words = ", ".join(text for _, text in count_texts) or translate(PageText.NO_ITEMS)
+    words = ", ".join(text for _, text in count_texts) or translate(_texts.PageText.NO_ITEMS)
     rest = f"; {translate(f'exit {int(document.exit)}')}"
     if document.rehearsed:
         rest += f"; {translate('rehearsed')}"
@@ -261,7 +265,7 @@ def _counts_rows(document: Document) -> Iterator[Row]:
     yield (*pieces[1:], rest)
 
 
-def _worst_rows(document: Document, room: int) -> Iterator[Row]:
+def _worst_rows(document: Document, room: int) -> Iterator[printable.Row]:
     """The item to look at first; of a long text as many lines as there are, the rest stands above."""
     every = to_look_at(document)[1]
     if not every:
@@ -281,7 +285,7 @@ def _shorten(text: list[str], most: int) -> list[str]:
 
 
 def _grid(document: Document) -> Iterator[str]:
-    table = grid(document)
+    table = _shapes.grid(document)
     if not table.rows:
         return
     beside = [column for column in table.beside if column not in _BELOW]
@@ -289,16 +293,16 @@ def _grid(document: Document) -> Iterator[str]:
     if names:
         yield _line("", [*names[: len(table.columns)], "|", *names[len(table.columns) :]] if beside else names)
     for row in table.rows if names else ():
-        yield _line(cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(beside)))
+        yield _line(_shapes.cut(row.row.name, _NAME - 1, "~"), _marks(row, len(table.columns), beside=bool(beside)))
     for column in _BELOW:
         yield from _below(table, column)
     yield from _legend(document)
 
 
-def _below(table: Grid, column: str) -> Iterator[str]:
+def _below(table: _shapes.Grid, column: str) -> Iterator[str]:
     """One column, row after row."""
     marks = [
-        f"{visible(row.row.name)} {_GRID.get(cell.state, str(cell.state))}"
+        f"{printable.visible(row.row.name)} {_GRID.get(cell.state, str(cell.state))}"
         for row in table.rows
         for cell in row.cells
         if cell.column == column and cell.items
@@ -311,12 +315,12 @@ def _below(table: Grid, column: str) -> Iterator[str]:
         )
 
 
-def _marks(row: GridRow, columns: int, *, beside: bool) -> list[str]:
+def _marks(row: _shapes.GridRow, columns: int, *, beside: bool) -> list[str]:
     marks = [_mark(cell) for cell in row.cells if cell.column not in _BELOW]
     return [*marks[:columns], "|", *marks[columns:]] if beside else marks
 
 
-def _mark(cell: GridCell) -> str:
+def _mark(cell: _shapes.GridCell) -> str:
     if cell.empty:
         return ""
     words = _GRID.get(cell.state, str(cell.state))
@@ -329,7 +333,7 @@ def _line(name: str, marks: list[str]) -> str:
 
 
 def _legend(document: Document) -> Iterator[str]:
-    cells = [cell for row in grid(document).rows for cell in row.cells if not cell.empty]
+    cells = [cell for row in _shapes.grid(document).rows for cell in row.cells if not cell.empty]
     result = []
     if any(not cell.table3 for cell in cells):
         result.append(translate("( ) not part of Table 3"))
@@ -338,12 +342,12 @@ def _legend(document: Document) -> Iterator[str]:
         yield from _wrap_words("", ", ".join(result))
     for row in document.rows:
         if row.deviation is not None:
-            yield from _wrap_words("", translate(differs(row)))
+            yield from _wrap_words("", translate(_texts.differs(row)))
 
 
 def _item(item: Item, zone: str) -> Iterator[str]:
-    shown_state = state(item)
-    yield from _wrap_words(f"{ASCII[shown_state]} {shown_state}", f"{item.id}: {item_title(item)}")
+    shown_state = _shapes.state(item)
+    yield from _wrap_words(f"{_shapes.ASCII[shown_state]} {shown_state}", f"{item.id}: {_texts.item_title(item)}")
     yield from _wrap_words("", translate(item.message), indent=_MARGIN)
     if item.hint:
         yield from _wrap_words("", f"-> {translate(item.hint)}", indent=_MARGIN)
@@ -355,14 +359,14 @@ def _item(item: Item, zone: str) -> Iterator[str]:
 
 def _brief(document: Document) -> Iterator[str]:
     """What is open or was skipped with the reason, what passed by name alone."""
-    for entry in (ShownState.OPEN, ShownState.SKIP):
+    for entry in (_shapes.ShownState.OPEN, _shapes.ShownState.SKIP):
         for item in document.items:
-            if state(item) is entry:
-                words = f"{item.id}: {item_title(item)} ({translate(item.message)})"
-                yield from _wrap_words(f"{ASCII[entry]} {entry}", words)
-    passed_ids = [item.id for item in document.items if state(item) is ShownState.PASS]
+            if _shapes.state(item) is entry:
+                words = f"{item.id}: {_texts.item_title(item)} ({translate(item.message)})"
+                yield from _wrap_words(f"{_shapes.ASCII[entry]} {entry}", words)
+    passed_ids = [item.id for item in document.items if _shapes.state(item) is _shapes.ShownState.PASS]
     if passed_ids:
-        yield from _wrap_words(f"{ASCII[ShownState.PASS]} PASS", ", ".join(passed_ids))
+        yield from _wrap_words(f"{_shapes.ASCII[_shapes.ShownState.PASS]} PASS", ", ".join(passed_ids))
 
 
 def _beside(document: Document) -> Iterator[str]:
@@ -397,7 +401,7 @@ def _wrap_words(mark: str, words: str, *, indent: int = 0) -> Iterator[str]:
     """Words that begin behind a mark, broken where the console ends; a line feed of theirs breaks as well."""
     start = _MARGIN if mark else indent
     width = _WIDTH - start
-    every = visible(words).expandtabs(1).split("\n")
+    every = printable.visible(words).expandtabs(1).split("\n")
     parts = (part for line in every for part in wrap(line, width, break_on_hyphens=False) or [""])
     for number, part in enumerate(parts):
         yield f"{'' if number else mark:<{start}}{part}".rstrip()

@@ -14,28 +14,13 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.checklist.probes import (
-    AllowListTestRequest,
-    AllowListTestResult,
-    Answer,
-    LinkRecordRequest,
-    LinkRecordResult,
-    LinkStatusRequest,
-    LinkStatusResult,
-    Place,
-    RobotsHeardRequest,
-    RouterOsQuery,
-    Rows,
-    Trouble,
-    VpnMembersRequest,
-)
-from atlantis_netcfg.checklist.probes.agent import BOOT, batch, program, read_result
-from atlantis_netcfg.checklist.runner._gateway_access import GatewayAccess, GatewayUnreachable, way_in
+from atlantis_netcfg.checklist import probes
+from atlantis_netcfg.checklist.probes import agent
+from atlantis_netcfg.checklist.runner import _gateway_access, results
 from atlantis_netcfg.checklist.runner.cost import refuse_unpaid, within_budget
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, all_unanswered, in_words, trouble_answer
 from atlantis_netcfg.checklist.runner.robots import ask_robots
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.processes.remote_process import Carrier
 from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of, try_out
 from atlantis_netcfg.operations.common.costs import gate, unpaid
@@ -58,32 +43,32 @@ if TYPE_CHECKING:
 class AgentProcess:
     """One turn of the program at one place."""
 
-    questions: Questions
-    tell: OnAnswer
+    questions: results.Questions
+    tell: results.OnAnswer
     """Called in the loop in which `hear` runs."""
     grace_s: float
     """What the way there may take on top of the questions."""
-    answers: dict[str, Answer] = field(default_factory=dict)
+    answers: dict[str, probes.Answer] = field(default_factory=dict)
     _requests: float = 0.0
     _faults: list[RuntimeError] = field(default_factory=list)
 
-    async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, Answer]:
+    async def hear(self, carry: Callable[[Carrier], str]) -> dict[str, probes.Answer]:
         """Let the program run; `carry` blocks until it has ended, and gives the words for what was not answered.
 
         Raises RuntimeError if the program itself has failed at a question, once all others are answered and told.
         """
-        request_batch, loop = batch(self.questions), asyncio.get_running_loop()
+        request_batch, loop = agent.batch(self.questions), asyncio.get_running_loop()
         by_key, words = dict(self.questions), ["it did not answer"]
 
         def line(text: bytes) -> None:
             loop.call_soon_threadsafe(self._line, text, time.time())
 
-        carrier = Carrier(program(request_batch.request), line, request_batch.within_s + self.grace_s)
+        carrier = Carrier(agent.program(request_batch.request), line, request_batch.within_s + self.grace_s)
         self._requests = time.time()
         await carrier.beside(lambda: words.append(carry(carrier)))
         if self._faults:
             raise self._faults[0]
-        rest = {key: trouble_answer(by_key[key], words[-1]) for key in by_key if key not in self.answers}
+        rest = {key: results.trouble_answer(by_key[key], words[-1]) for key in by_key if key not in self.answers}
         return {**self.answers, **rest}
 
     def _line(self, text: bytes, now: float) -> None:
@@ -92,7 +77,7 @@ class AgentProcess:
         try:
             result = json.loads(text)
             question = by_key[result["key"]]
-            answer = read_result(result, question, self._requests, now)
+            answer = agent.read_result(result, question, self._requests, now)
         except RuntimeError as fault:
             self._faults.append(fault)
             return
@@ -105,7 +90,9 @@ class AgentProcess:
 _GRACE_S = 15.0
 
 
-async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str] = ()) -> Mapping[str, Answer]:
+async def ask_here(
+    questions: results.Questions, result: results.OnAnswer, before: Sequence[str] = ()
+) -> Mapping[str, probes.Answer]:
     """Ask this computer by the program that listens; `before`: words of a program that starts it.
 
     What cannot be asked answers NO_PLACE.
@@ -115,7 +102,7 @@ async def ask_here(questions: Questions, result: OnAnswer, before: Sequence[str]
 
 def _here(carrier: Carrier, before: Sequence[str]) -> str:
     try:
-        result = carrier.run([*before, sys.executable, "-I", "-c", BOOT])
+        result = carrier.run([*before, sys.executable, "-I", "-c", agent.BOOT])
     except OSError as error:
         return f"the program that listens does not start on this computer: {error}"
     return f"the program that listens has ended on this computer: {last_line(result.err) or f'exit {result.rc}'}"
@@ -133,15 +120,15 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     declaration: Declaration,
     host: Host,
     request: Request,
-    questions: Questions,
-    result: OnAnswer,
+    questions: results.Questions,
+    result: results.OnAnswer,
     ssh_config: str | None = None,
-) -> Mapping[str, Answer]:
+) -> Mapping[str, probes.Answer]:
     """Ask a gateway by the program that listens; what cannot be asked answers NO_PLACE. Raises CostRefused."""
     try:
-        way = way_in(declaration, host, request, ssh_config)
-    except GatewayUnreachable as why:
-        return all_unanswered(questions, in_words(why))
+        way = _gateway_access.way_in(declaration, host, request, ssh_config)
+    except _gateway_access.GatewayUnreachable as why:
+        return results.all_unanswered(questions, results.in_words(why))
     carrier = bearer_of(declaration, host, request.via.get(host.name))
     if carrier.is_metered and not request.rehearsed:
         questions = within_budget(questions)
@@ -149,11 +136,11 @@ async def ask_gateway(  # noqa: PLR0913, PLR0917 - the seam's three, and what th
     return await AgentProcess(questions, result, way.connect_s + way.grace_s).hear(lambda item: _there(way, item))
 
 
-def _there(way: GatewayAccess, carrier: Carrier) -> str:
+def _there(way: _gateway_access.GatewayAccess, carrier: Carrier) -> str:
     try:
-        result = way.run("python3 -I -c %s", BOOT, carrier=carrier)
-    except GatewayUnreachable as why:
-        return in_words(why)
+        result = way.run("python3 -I -c %s", agent.BOOT, carrier=carrier)
+    except _gateway_access.GatewayUnreachable as why:
+        return results.in_words(why)
     if result.overdue:
         return f"{way.name} did not answer in time"
     if result.rc == _NO_SUCH:
@@ -171,22 +158,22 @@ class Routers:
     declaration: Declaration
     site: str
     request: Request
-    notify: Subscriber
+    notify: events.Subscriber
 
-    async def ask(self, name: str, questions: Questions) -> Mapping[str, Answer]:
+    async def ask(self, name: str, questions: results.Questions) -> Mapping[str, probes.Answer]:
         """Ask one device everything in one session of two round trips."""
         try:
             return await self._session(self.declaration.hosts[name], questions)
         except NetcfgError as error:
-            self.notify(Event(name, Stage.FAILED, str(error)))
-            return all_unanswered(questions, in_words(error))
+            self.notify(events.Event(name, events.Stage.FAILED, str(error)))
+            return results.all_unanswered(questions, results.in_words(error))
         except KeyError:
-            return all_unanswered(questions, f"the inventory has no host `{name}`")
+            return results.all_unanswered(questions, f"the inventory has no host `{name}`")
 
-    async def links(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+    async def links(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
         """Look at all links once for all who ask, and prove what is to be proved meanwhile."""
-        looks = [(key, item) for key, item in questions if isinstance(item, LinkStatusRequest)]
-        proofs = [(key, request) for key, request in questions if isinstance(request, AllowListTestRequest)]
+        looks = [(key, item) for key, item in questions if isinstance(item, probes.LinkStatusRequest)]
+        proofs = [(key, request) for key, request in questions if isinstance(request, probes.AllowListTestRequest)]
         work = [
             self._progress(self._look(looks), result),
             *(self._progress(self._prove(key, prove), result) for key, prove in proofs),
@@ -195,7 +182,9 @@ class Routers:
         return {key: answer for answers in answer_maps for key, answer in answers.items()}
 
     @staticmethod
-    async def _progress(work: Awaitable[Mapping[str, Answer]], result: OnAnswer) -> Mapping[str, Answer]:
+    async def _progress(
+        work: Awaitable[Mapping[str, probes.Answer]], result: results.OnAnswer
+    ) -> Mapping[str, probes.Answer]:
         answers = await work
         for key, answer in answers.items():
             result(key, answer)
@@ -205,20 +194,20 @@ class Routers:
     def _reading(self) -> Request:
         return self.request.model_copy(update={"mode": Mode.DRIFT})
 
-    async def _session(self, host: Host, questions: Questions) -> Mapping[str, Answer]:
+    async def _session(self, host: Host, questions: results.Questions) -> Mapping[str, probes.Answer]:
         gate(self.declaration, [host], self._reading)
         door = session_to(self.declaration, self.site, host, self.request)
         request_time = time.time()
         async with door.open_session() as session:
             replies = await session.flight(
-                [command(request.query) for _, request in questions if isinstance(request, RouterOsQuery)]
+                [command(request.query) for _, request in questions if isinstance(request, probes.RouterOsQuery)]
             )
         now = time.time()
         cost_text = f"read in {door.round_trips} round trips, {door.bytes / 1000:.1f} kB"
-        self.notify(Event(host.name, Stage.DONE, cost_text))
+        self.notify(events.Event(host.name, events.Stage.DONE, cost_text))
         return {key: _rows(reply, request_time, now) for (key, _), reply in zip(questions, replies, strict=True)}
 
-    async def _look(self, questions: Sequence[tuple[str, LinkStatusRequest]]) -> Mapping[str, Answer]:
+    async def _look(self, questions: Sequence[tuple[str, probes.LinkStatusRequest]]) -> Mapping[str, probes.Answer]:
         if not questions:
             return {}
         hosts = [host for host in self.declaration.site_hosts(self.site) if not is_computer(host)]
@@ -226,17 +215,17 @@ class Routers:
             gate(self.declaration, hosts, self._reading)
             link_states = await look(self.declaration, self.site, hosts, self._reading, self.notify)
         except NetcfgError as error:
-            return all_unanswered(questions, in_words(error))
+            return results.all_unanswered(questions, results.in_words(error))
         values = link_states.as_dict()
         return {key: _link_status(values, item) for key, item in questions}
 
-    async def _prove(self, key: str, question: AllowListTestRequest) -> Mapping[str, Answer]:
+    async def _prove(self, key: str, question: probes.AllowListTestRequest) -> Mapping[str, probes.Answer]:
         try:
             return {key: await self._prove_allow_list(question)}
         except NetcfgError as error:
-            return {key: trouble_answer(question, in_words(error))}
+            return {key: results.trouble_answer(question, results.in_words(error))}
 
-    async def _prove_allow_list(self, question: AllowListTestRequest) -> Answer:
+    async def _prove_allow_list(self, question: probes.AllowListTestRequest) -> probes.Answer:
         satellite = satellite_of(self.declaration, self.site, question.bearer)
         via = self.request.via.get(satellite.router.name)
         proving = satellite.proving(self.declaration, is_rehearsal=self.request.rehearsed, via=via)
@@ -247,7 +236,7 @@ class Routers:
         seconds = time.monotonic() - began
         bill = bills(self.declaration, proof, seconds)[question.bearer]
         findings = (finding for _, finding in proof.results)
-        return AllowListTestResult(None, "", (*findings, *proof.findings), bill.words, seconds)
+        return probes.AllowListTestResult(None, "", (*findings, *proof.findings), bill.words, seconds)
 
     def _pay(self, proving: Proving) -> None:
         """Raise CostRefused if nobody has agreed to pay for a proof; a rehearsal costs nothing."""
@@ -261,18 +250,20 @@ class Routers:
             raise unpaid([preview.words for preview in dear], self.request.command)
 
 
-def _rows(reply: Reply, request_time: float, now: float) -> Rows:
+def _rows(reply: Reply, request_time: float, now: float) -> probes.Rows:
     words = "" if reply.trap is None else str(reply.trap.message)
-    return Rows(None, words, rows(reply), request_time, now)
+    return probes.Rows(None, words, rows(reply), request_time, now)
 
 
-def _link_status(values: Mapping[str, Mapping[str, object]], question: LinkStatusRequest) -> Answer:
+def _link_status(values: Mapping[str, Mapping[str, object]], question: probes.LinkStatusRequest) -> probes.Answer:
     if question.bearer not in values:
-        return trouble_answer(question, f"the site has no link `{question.bearer}`", Trouble.MISSING)
-    return LinkStatusResult(None, "", values[question.bearer])
+        return results.trouble_answer(question, f"the site has no link `{question.bearer}`", probes.Trouble.MISSING)
+    return probes.LinkStatusResult(None, "", values[question.bearer])
 
 
-def link_record(declaration: Declaration, request: Request, question: LinkRecordRequest) -> LinkRecordResult:
+def link_record(
+    declaration: Declaration, request: Request, question: probes.LinkRecordRequest
+) -> probes.LinkRecordResult:
     """Judge the newest measurement of a real link anew, by what is declared now, from its samples alone.
 
     A file of figures proves nothing.
@@ -286,9 +277,9 @@ def link_record(declaration: Declaration, request: Request, question: LinkRecord
         real = [item for item in saved_runs if not item.run.emulated]
         bearers = declaration.sites[question.site].bearers
         limits = next(thresholds_of(bearer) for bearer in bearers if bearer.name == question.bearer)
-        return LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
+        return probes.LinkRecordResult(None, "", made_anew(real[-1].folder, limits)[0] if real else None, now)
     except NetcfgError as error:
-        return LinkRecordResult(Trouble.MISSING, in_words(error), None, now)
+        return probes.LinkRecordResult(probes.Trouble.MISSING, results.in_words(error), None, now)
 
 
 @dataclass(slots=True)
@@ -298,59 +289,63 @@ class RealEars:
     declaration: Declaration
     site: str
     request: Request
-    notify: Subscriber = ignore
+    notify: events.Subscriber = events.ignore
     ssh_config: str | None = None
     """File of OpenSSH that says how the gateway's name is reached, in place of the declared address."""
 
-    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+    async def ask(
+        self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
+    ) -> Mapping[str, probes.Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
         name = self._name(place, host)
-        self.notify(Event(name, Stage.CONNECTING, f"{len(questions)} questions, which only read"))
+        self.notify(events.Event(name, events.Stage.CONNECTING, f"{len(questions)} questions, which only read"))
         try:
             answers = await self._ask(place, host, questions, result)
         except NetcfgError as why:
-            self.notify(Event(name, Stage.FAILED, str(why)))
-            return all_unanswered(questions, in_words(why))
-        if place is not Place.ROUTER:  # whose sessions tell by themselves
-            silent = sum(answer.trouble is Trouble.NO_PLACE for answer in answers.values())
-            stage = Stage.FAILED if silent else Stage.DONE
-            self.notify(Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
+            self.notify(events.Event(name, events.Stage.FAILED, str(why)))
+            return results.all_unanswered(questions, results.in_words(why))
+        if place is not probes.Place.ROUTER:  # whose sessions tell by themselves
+            silent = sum(answer.trouble is probes.Trouble.NO_PLACE for answer in answers.values())
+            stage = events.Stage.FAILED if silent else events.Stage.DONE
+            self.notify(events.Event(name, stage, f"{len(answers) - silent} of {len(answers)} questions were asked"))
         return answers
 
     async def _ask(
-        self, place: Place, host: str | None, questions: Questions, result: OnAnswer
-    ) -> Mapping[str, Answer]:
-        if place is Place.LAPTOP:
+        self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
+    ) -> Mapping[str, probes.Answer]:
+        if place is probes.Place.LAPTOP:
             return await self._ask_here(questions, result)
-        if place is Place.GATEWAY:
+        if place is probes.Place.GATEWAY:
             gateway = self.declaration.computer_of(self.site)
             if gateway is None:
-                return all_unanswered(questions, f"{self.site} has no gateway computer")
+                return results.all_unanswered(questions, f"{self.site} has no gateway computer")
             return await ask_gateway(self.declaration, gateway, self.request, questions, result, self.ssh_config)
         refuse_examples(self.declaration, is_rehearsal=self.request.rehearsed)
         routers = Routers(self.declaration, self.site, self.request, self.notify)
         return await (routers.links(questions, result) if host is None else routers.ask(host, questions))
 
-    async def _ask_here(self, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+    async def _ask_here(self, questions: results.Questions, result: results.OnAnswer) -> Mapping[str, probes.Answer]:
         """Read what this computer keeps, listen for robots, and ask the rest by the program that listens."""
         record_answers = {
             key: link_record(self.declaration, self.request, question)
             for key, question in questions
-            if isinstance(question, LinkRecordRequest)
+            if isinstance(question, probes.LinkRecordRequest)
         }
         for key, answer in record_answers.items():
             result(key, answer)
-        of_robots = [pair for pair in questions if isinstance(pair[1], RobotsHeardRequest | VpnMembersRequest)]
+        of_robots = [
+            pair for pair in questions if isinstance(pair[1], probes.RobotsHeardRequest | probes.VpnMembersRequest)
+        ]
         rest = [pair for pair in questions if pair[0] not in record_answers and pair not in of_robots]
         work = [ask_robots(self.declaration, self.site, self.request, of_robots, result)] if of_robots else []
         answer_maps = await asyncio.gather(*work, *([ask_here(rest, result)] if rest else []))
         return record_answers | {key: answer for answers in answer_maps for key, answer in answers.items()}
 
-    def _name(self, place: Place, host: str | None) -> str:
+    def _name(self, place: probes.Place, host: str | None) -> str:
         names = {
-            Place.LAPTOP: "this computer",
-            Place.GATEWAY: f"{self.site}: gateway",
-            Place.ROUTER: f"{self.site}: links",
+            probes.Place.LAPTOP: "this computer",
+            probes.Place.GATEWAY: f"{self.site}: gateway",
+            probes.Place.ROUTER: f"{self.site}: links",
         }
         return host or names[place]
 
@@ -358,7 +353,9 @@ class RealEars:
 class Ears(Protocol):
     """The seam between the checklist and the site: real devices behind one side, twins behind the other."""
 
-    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+    async def ask(
+        self, place: probes.Place, host: str | None, questions: results.Questions, result: results.OnAnswer
+    ) -> Mapping[str, probes.Answer]:
         """Ask all questions of one place in one turn, and give one answer for each key.
 
         `host`: the RouterOS device of questions `RouterOsQuery`; None for all others. `result` is called as the answers

@@ -11,17 +11,8 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import (
-    DdsDiscoverRequest,
-    DhcpDiscoverRequest,
-    Listen,
-    ReflectRequest,
-    RouterOsQuery,
-    RouterSolicitRequest,
-    RunProgram,
-)
+from atlantis_netcfg.checklist import probes, report
 from atlantis_netcfg.checklist.probes.registry import find_refusal
-from atlantis_netcfg.checklist.report import Item, ItemFinding, ItemKind
 from atlantis_netcfg.checklist.runner.results import trouble_answer
 from atlantis_netcfg.core.crash_report import InternalError, report_crash
 from atlantis_netcfg.core.events import Verdict
@@ -34,7 +25,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.checklist import PlanEntry
-    from atlantis_netcfg.checklist.probes import Answer, Cell, Place, ProbeResult, Question
     from atlantis_netcfg.checklist.runner._real import Ears
     from atlantis_netcfg.links.status import Query
 
@@ -47,7 +37,7 @@ _LONGEST_S: Final = 900.0
 _MOST_MESSAGES: Final = 5
 
 
-def unfit(entry: PlanEntry, questions: Sequence[Question]) -> str | None:
+def unfit(entry: PlanEntry, questions: Sequence[probes.Question]) -> str | None:
     """Why these questions must not be asked; None: they may."""
     names = [question.name for question in questions]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -56,19 +46,23 @@ def unfit(entry: PlanEntry, questions: Sequence[Question]) -> str | None:
     return next((reason for request in questions if (reason := _unfit(entry, request)) is not None), None)
 
 
-def _unfit(entry: PlanEntry, question: Question) -> str | None:
-    if isinstance(question, RunProgram) and not is_allowed(question.argv):
+def _unfit(entry: PlanEntry, question: probes.Question) -> str | None:
+    if isinstance(question, probes.RunProgram) and not is_allowed(question.argv):
         return f"`{' '.join(question.argv)}` is not on the list of reading programs"
-    if isinstance(question, RouterOsQuery) and not _reads(question.query):
+    if isinstance(question, probes.RouterOsQuery) and not _reads(question.query):
         return f"`{question.query.path}` is no reading command"
-    if isinstance(question, Listen):
-        return _elsewhere(entry.cell, question) or find_refusal(question, active=entry.item.kind is ItemKind.ACTIVE)
-    timed_types = DhcpDiscoverRequest | RouterSolicitRequest | DdsDiscoverRequest | ReflectRequest
+    if isinstance(question, probes.Listen):
+        return _elsewhere(entry.cell, question) or find_refusal(
+            question, active=entry.item.kind is report.ItemKind.ACTIVE
+        )
+    timed_types = (
+        probes.DhcpDiscoverRequest | probes.RouterSolicitRequest | probes.DdsDiscoverRequest | probes.ReflectRequest
+    )
     if isinstance(question, timed_types) and question.within_s > _LONGEST_S:
         return "it would take too long"
-    if isinstance(question, ReflectRequest):
+    if isinstance(question, probes.ReflectRequest):
         return _not_ours(entry.cell, question)
-    return _foreign(entry.cell, question) if isinstance(question, DdsDiscoverRequest) else None
+    return _foreign(entry.cell, question) if isinstance(question, probes.DdsDiscoverRequest) else None
 
 
 def _reads(query: Query) -> bool:
@@ -78,7 +72,7 @@ def _reads(query: Query) -> bool:
     return query.command in READING and (query.command != "monitor" or "once" in arguments)
 
 
-def _elsewhere(cell: Cell, listen: Listen) -> str | None:
+def _elsewhere(cell: probes.Cell, listen: probes.Listen) -> str | None:
     """Nobody's port is opened that the declaration does not name."""
     if listen.transport == "tcp" and listen.address not in {str(address) for address in _addresses(cell)}:
         return f"the address {listen.address or 'that it asks'} is not declared at {cell.site}"
@@ -91,7 +85,7 @@ def _elsewhere(cell: Cell, listen: Listen) -> str | None:
     return None
 
 
-def _foreign(cell: Cell, question: DdsDiscoverRequest) -> str | None:
+def _foreign(cell: probes.Cell, question: probes.DdsDiscoverRequest) -> str | None:
     """Participants are looked for at an address of the asking computer itself, in the declared domain."""
     local = cell.gateway.device if cell.gateway is not None else None
     if question.address not in {str(getattr(local, name, None)) for name in ("address", "vpn_address")}:
@@ -100,7 +94,7 @@ def _foreign(cell: Cell, question: DdsDiscoverRequest) -> str | None:
     return None if dds is not None and dds.domain == question.domain else "it is not the declared domain of DDS"
 
 
-def _not_ours(cell: Cell, question: ReflectRequest) -> str | None:
+def _not_ours(cell: probes.Cell, question: probes.ReflectRequest) -> str | None:
     """Messages go to gateways and control centres of the pilot, and to the port of what answers them."""
     if question.count > _MOST_MESSAGES:
         return "it would send too much"
@@ -110,7 +104,7 @@ def _not_ours(cell: Cell, question: ReflectRequest) -> str | None:
     return f"{question.address}, UDP port {question.port}, is no gateway or control centre in the VPN"
 
 
-def _addresses(cell: Cell) -> Iterator[object]:
+def _addresses(cell: probes.Cell) -> Iterator[object]:
     yield from (reservation.address for reservation in cell.site_config.lan.reservations)
     yield from _of_endpoints(cell, "address")
     for vehicle in cell.declaration.vehicles:
@@ -120,7 +114,7 @@ def _addresses(cell: Cell) -> Iterator[object]:
         yield getattr(host.device, "address", None)
 
 
-def _of_endpoints(cell: Cell, field: str) -> Iterator[object]:
+def _of_endpoints(cell: probes.Cell, field: str) -> Iterator[object]:
     """This field of all endpoints of the row's own site, and of its vehicles."""
     rows = (*(vehicle.endpoints for vehicle in cell.declaration.vehicles.values()), cell.site_config.location.endpoints)
     for row in rows:
@@ -145,8 +139,8 @@ class _Open:
     """An entry, its questions, and what of them is answered."""
 
     entry: PlanEntry
-    questions: tuple[Question, ...] = ()
-    answers: dict[str, Answer] = field(default_factory=dict)
+    questions: tuple[probes.Question, ...] = ()
+    answers: dict[str, probes.Answer] = field(default_factory=dict)
     fault: BaseException | None = None
     unfit: str | None = None
 
@@ -159,21 +153,21 @@ class _Open:
 class _PlaceBatch:
     """The questions of one place in one turn; identical ones of several items are asked once."""
 
-    place: Place
+    place: probes.Place
     host: str | None
-    key_by_question: dict[Question, str] = field(default_factory=dict)
+    key_by_question: dict[probes.Question, str] = field(default_factory=dict)
     """Question without its name to its key."""
     wait: dict[str, list[tuple[_Open, str]]] = field(default_factory=dict)
     """Key to who wants the answer, and under which name."""
 
-    def add(self, item: _Open, question: Question) -> None:
+    def add(self, item: _Open, question: probes.Question) -> None:
         """Take a question in; the same one is not asked twice."""
         plain = replace(question, name="")
         key = self.key_by_question.setdefault(plain, f"{item.entry.item.id}#{question.name}")
         self.wait.setdefault(key, []).append((item, question.name))
 
     @property
-    def questions(self) -> list[tuple[str, Question]]:
+    def questions(self) -> list[tuple[str, probes.Question]]:
         """By their keys, in the order of the items; each with the name that its first asker gives it."""
         return [(key, replace(question, name=key.rpartition("#")[2])) for question, key in self.key_by_question.items()]
 
@@ -181,11 +175,11 @@ class _PlaceBatch:
 async def examine(
     entries: Sequence[PlanEntry],
     ears: Ears,
-    on_settle: Callable[[Item], None],
+    on_settle: Callable[[report.Item], None],
     *,
     now: Callable[[], datetime] = utc_now,
     state: Callable[[], Path] = state_dir,
-) -> tuple[Item, ...]:
+) -> tuple[report.Item, ...]:
     """Ask everything of all entries at once, judge each as soon as its own answers are there, and give the items.
 
     Entries without a probe, and those that do not apply, come back as they are; one that is settled already is asked
@@ -212,10 +206,10 @@ async def examine(
 
 def _batches(todo: Iterable[_Open]) -> list[_PlaceBatch]:
     """One for each place: the gateway, this computer, each router, and what all routers together tell of the links."""
-    batches: dict[tuple[Place, str | None], _PlaceBatch] = {}
+    batches: dict[tuple[probes.Place, str | None], _PlaceBatch] = {}
     for item in todo:
         for question in item.questions if item.waits else ():
-            host = question.host if isinstance(question, RouterOsQuery) else None
+            host = question.host if isinstance(question, probes.RouterOsQuery) else None
             batches.setdefault((question.place, host), _PlaceBatch(question.place, host)).add(item, question)
     return list(batches.values())
 
@@ -262,7 +256,7 @@ class _Turn:
         rest = {key: trouble_answer(question, "nothing came back") for key, question in questions if key not in answers}
         self._take(batch, {**rest, **answers})
 
-    def judge_item(self, item: _Open) -> Item:
+    def judge_item(self, item: _Open) -> report.Item:
         """Judge an item that has all its answers."""
         try:
             if item.fault is not None:
@@ -284,7 +278,7 @@ class _Turn:
             self.faults[fault] = report_crash(fault, f"checking {name}", self.state)
         return self.faults[fault]
 
-    def _take(self, batch: _PlaceBatch, answers: Mapping[str, Answer]) -> None:
+    def _take(self, batch: _PlaceBatch, answers: Mapping[str, probes.Answer]) -> None:
         for key, answer in answers.items():
             for item, name in batch.wait.get(key, ()):
                 if item.waits and name not in item.answers:
@@ -297,15 +291,15 @@ class _Turn:
             item.fault = fault
             self.ready.put_nowait(item)
 
-    def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> Item:
-        finding = ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
+    def _wrong(self, item: _Open, code: str, message: str, hint: str | None) -> report.Item:
+        finding = report.ItemFinding(verdict=Verdict.ERROR, code=code, message=message, hint=hint)
         return self._item(item, Verdict.ERROR, (finding,))
 
-    def _settle(self, item: _Open, result: ProbeResult) -> Item:
-        findings = tuple(ItemFinding(**each.as_dict()) for each in result.findings)
+    def _settle(self, item: _Open, result: probes.ProbeResult) -> report.Item:
+        findings = tuple(report.ItemFinding(**each.as_dict()) for each in result.findings)
         return self._item(item, result.verdict, findings).model_copy(update={"evidence": tuple(result.evidence)})
 
-    def _item(self, item: _Open, verdict: Verdict, findings: tuple[ItemFinding, ...]) -> Item:
+    def _item(self, item: _Open, verdict: Verdict, findings: tuple[report.ItemFinding, ...]) -> report.Item:
         """The item with its verdict; its words are those of the first of its worst findings."""
         worst = next(finding for finding in findings if finding.verdict is verdict)
         return item.entry.item.model_copy(

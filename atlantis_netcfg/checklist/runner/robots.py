@@ -5,16 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import (
-    Answer,
-    Question,
-    RobotsHeardRequest,
-    RobotsHeardResult,
-    Trouble,
-    VpnMember,
-    VpnMembersResult,
-)
-from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, in_words, trouble_answer
+from atlantis_netcfg.checklist import probes
+from atlantis_netcfg.checklist.runner import results
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.operations.common.costs import unpaid
 
@@ -27,23 +19,23 @@ if TYPE_CHECKING:
 
 
 async def ask_robots(
-    declaration: Declaration, site: str, request: Request, questions: Questions, result: OnAnswer
-) -> Mapping[str, Answer]:
+    declaration: Declaration, site: str, request: Request, questions: results.Questions, result: results.OnAnswer
+) -> Mapping[str, probes.Answer]:
     """Ask everything at once; what cannot be asked answers NO_PLACE, with the reason."""
 
-    async def ask(key: str, question: Question) -> tuple[str, Answer]:
+    async def ask(key: str, question: probes.Question) -> tuple[str, probes.Answer]:
         try:
             answer = await _answer(declaration, site, request, question)
         except NetcfgError as why:
-            answer = trouble_answer(question, in_words(why))
+            answer = results.trouble_answer(question, results.in_words(why))
         result(key, answer)
         return key, answer
 
     return dict(await asyncio.gather(*(ask(key, question) for key, question in questions)))
 
 
-async def _answer(declaration: Declaration, site: str, request: Request, question: Question) -> Answer:
-    if not isinstance(question, RobotsHeardRequest):
+async def _answer(declaration: Declaration, site: str, request: Request, question: probes.Question) -> probes.Answer:
+    if not isinstance(question, probes.RobotsHeardRequest):
         return await asyncio.to_thread(vpn_members, declaration, request)
     from atlantis_netcfg.operations.robots import hear  # noqa: PLC0415 - few checklists ask for it
     from atlantis_netcfg.operations.robots.remote import listen_there  # noqa: PLC0415 - as above
@@ -54,13 +46,13 @@ async def _answer(declaration: Declaration, site: str, request: Request, questio
     if cost is not None and not request.accept_cost:
         raise unpaid([cost.words], request.command)
     if not question.host:
-        return RobotsHeardResult(None, "", await hear(declaration, site, question.seconds))
+        return probes.RobotsHeardResult(None, "", await hear(declaration, site, question.seconds))
     host, seconds = declaration.hosts[question.host], question.seconds
     listening = asyncio.to_thread(listen_there, declaration, host, seconds, sites=[site], request=request)
-    return RobotsHeardResult(None, "", await listening)
+    return probes.RobotsHeardResult(None, "", await listening)
 
 
-def listening_preview(declaration: Declaration, site: str, question: RobotsHeardRequest) -> Preview | None:
+def listening_preview(declaration: Declaration, site: str, question: probes.RobotsHeardRequest) -> Preview | None:
     """What one listening costs where all links of the site are metered; None: nothing.
 
     Raises NetcfgError where nobody knows by which address it listens.
@@ -77,7 +69,7 @@ def listening_preview(declaration: Declaration, site: str, question: RobotsHeard
     return listening_cost(declaration, site, question.seconds, address)
 
 
-def vpn_members(declaration: Declaration, request: Request) -> VpnMembersResult:
+def vpn_members(declaration: Declaration, request: Request) -> probes.VpnMembersResult:
     """The robots of the VPN's record, and which of them the server has a session of now.
 
     Raises NetcfgError where this computer has no record, and where the server is not reached.
@@ -94,13 +86,13 @@ def vpn_members(declaration: Declaration, request: Request) -> VpnMembersResult:
     finally:
         link.close()
     if not state.is_live:
-        return VpnMembersResult(Trouble.SILENT, state.why)
+        return probes.VpnMembersResult(probes.Trouble.SILENT, state.why)
     up = {session.common_name: session.real for session in state.sessions if session.is_up}
-    return VpnMembersResult(
+    return probes.VpnMembersResult(
         None,
         "",
         tuple(
-            VpnMember(
+            probes.VpnMember(
                 member.name,
                 member.vehicle,
                 bool(member.good),

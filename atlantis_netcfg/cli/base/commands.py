@@ -6,19 +6,19 @@ import shlex
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
-from atlantis_netcfg.core.errors import ExitCode, UsageError, nearest
+from atlantis_netcfg.core import errors
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from atlantis_netcfg.cli.base.arguments import Arguments, CommandSpec
+    from atlantis_netcfg.cli.base.syntax import Arguments, CommandSpec
 
 
 class LoadedCommand(NamedTuple):
     """A command of the table, imported."""
 
     command: CommandSpec
-    run: Callable[[Arguments], ExitCode]
+    run: Callable[[Arguments], errors.ExitCode]
     """Do it; raises NetcfgError to fail."""
 
 
@@ -118,21 +118,21 @@ def _default(command_line: Sequence[str], table: Mapping[str, str]) -> tuple[str
     for argument in command_line:
         if argument in table and argument != DEFAULT:
             hint = " ".join(["provision", argument, *(other for other in command_line if other != argument)])
-            raise UsageError(f"`{argument}` is a command: put it before its words", hint=f"type `{hint}`")
+            raise errors.UsageError(f"`{argument}` is a command: put it before its words", hint=f"type `{hint}`")
     return DEFAULT, list(command_line)
 
 
-def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> UsageError:
+def _no_such_command(command_line: Sequence[str], places: Sequence[int], table: Mapping[str, str]) -> errors.UsageError:
     words = [command_line[place] for place in places]
     longer = [name for name in table if name.startswith(f"{words[0]} ")]
-    near = nearest(" ".join(words[:2]), longer) or nearest(words[0], table)
+    near = errors.nearest(" ".join(words[:2]), longer) or errors.nearest(words[0], table)
     if longer and (near not in longer or len(words) == 1):
         hint = f"`{words[0]}` is followed by: {', '.join(name.removeprefix(words[0] + ' ') for name in longer)}"
     elif (line := _meant_line(command_line, places[0], near, table)) is not None:
         hint = f"did you mean `{line}`?"
     else:
         hint = "`provision --help` lists the commands; a site is typed as `site=NAME`"
-    return UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
+    return errors.UsageError(f"unknown command `{' '.join(words[:2] if longer else words[:1])}`", hint=hint)
 
 
 def _meant_line(command_line: Sequence[str], first: int, near: str | None, table: Mapping[str, str]) -> str | None:
@@ -148,11 +148,11 @@ def _meant_line(command_line: Sequence[str], first: int, near: str | None, table
             return shlex.join(["provision", f"site={word}", *rest])
         takes_site = load(command, table).command.word("site") is not None
         return shlex.join(["provision", *rest, *([f"site={word}"] if takes_site else [])])
-    flag = word if word in flags else None if near else nearest(word, flags)
+    flag = word if word in flags else None if near else errors.nearest(word, flags)
     if flag is not None:
         site_words = [] if any(other.startswith("site=") for other in rest) else ["site=NAME"]
         return shlex.join(["provision", *site_words, *rest, f"--{flag}"])
     if near is not None:
         return f"provision {near}"
-    site = nearest(word, sites)
+    site = errors.nearest(word, sites)
     return None if site is None else shlex.join(["provision", f"site={site}", *rest])

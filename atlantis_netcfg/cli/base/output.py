@@ -16,16 +16,15 @@ import time
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, TextIO
 
-from atlantis_netcfg.core import printable
+from atlantis_netcfg.core import events, printable
 from atlantis_netcfg.core.errors import REHEARSE, DeviceError, ExitCode, NetcfgError, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import Style, StyledText
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.cli.base.arguments import Arguments, CommandSpec
+    from atlantis_netcfg.cli.base.syntax import Arguments, CommandSpec
 
 
 _CARRIED_WORDS = ("inventory", "authority")
@@ -209,7 +208,7 @@ def _page_lines(lines: Sequence[printable.Row]) -> bool:
     return process.returncode == 0
 
 
-_ENDS = (Stage.DONE, Stage.CONFIRMED, Stage.UNROLLED, Stage.FAILED)
+_ENDS = (events.Stage.DONE, events.Stage.CONFIRMED, events.Stage.UNROLLED, events.Stage.FAILED)
 _ROOM = 16
 """Devices that are shown together; of more, those that have ended scroll away upwards, and the others stay in sight."""
 
@@ -223,7 +222,7 @@ _NAMED_DEVICES = 3
 
 
 @contextmanager
-def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILENCE_S) -> Iterator[Subscriber]:
+def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILENCE_S) -> Iterator[events.Subscriber]:
     """Give the subscriber that fits `out`, which is stderr as it is at that moment.
 
     `quiet`: a program reads stdout; a person at a terminal sees the progress all the same.
@@ -233,33 +232,33 @@ def progress(*, quiet: bool, out: TextIO | None = None, silence_s: float = SILEN
         with _live(out) as subscriber:
             yield subscriber
     elif quiet:
-        yield ignore
+        yield events.ignore
     else:
         with _plain(out, silence_s) as subscriber:
             yield subscriber
 
 
-def line(event: Event) -> str:
+def line(event: events.Event) -> str:
     """One step in words: `coastal-router  applying 24/112  layer 2 of 4`."""
     count = f" {event.done_count}/{event.total}" if event.total else ""
     words = translate(event.message)
     return printable.line(f"  {event.device:<18} {translate(event.stage.value)}{count}  {words}".rstrip())
 
 
-def _age(event: Event, age_s: float) -> str:
+def _age(event: events.Event, age_s: float) -> str:
     """How long a step has taken, and how long it may take where that is known."""
     limit = f" of at most {event.limit_s:.0f} s" if event.limit_s else ""
     return translate(f"{age_s:.0f} s{limit}")
 
 
 @contextmanager
-def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
+def _plain(out: TextIO, silence_s: float) -> Iterator[events.Subscriber]:
     """One line a step, and a reminder whenever nothing has been printed for `silence_s`."""
-    at_work: dict[str, tuple[Event, float]] = {}
+    at_work: dict[str, tuple[events.Event, float]] = {}
     lock, end_event = threading.Lock(), threading.Event()
     step_at = printed_at = time.monotonic()
 
-    def show(event: Event) -> None:
+    def show(event: events.Event) -> None:
         nonlocal step_at, printed_at
         with lock:
             at_work.pop(event.device, None)
@@ -287,12 +286,12 @@ def _plain(out: TextIO, silence_s: float) -> Iterator[Subscriber]:
         thread.join()
 
 
-def _step(event: Event, age_s: float) -> str:
+def _step(event: events.Event, age_s: float) -> str:
     stage = translate(event.stage.value)
     return f"{stage}, {_age(event, age_s)}" if age_s >= _AGE_S else stage
 
 
-def _reminder(at_work: list[tuple[Event, float]], age_s: float) -> str:
+def _reminder(at_work: list[tuple[events.Event, float]], age_s: float) -> str:
     """What is waited for: `  still at work, 40 s without news: coastal-router (connecting, 40 s of at most 120 s)`."""
     names = [f"{event.device} ({_step(event, since_s)})" for event, since_s in at_work[:_NAMED_DEVICES]]
     if more := len(at_work) - len(names):
@@ -302,16 +301,16 @@ def _reminder(at_work: list[tuple[Event, float]], age_s: float) -> str:
 
 
 @contextmanager
-def _live(out: TextIO) -> Iterator[Subscriber]:
+def _live(out: TextIO) -> Iterator[events.Subscriber]:
     from rich.console import Console
     from rich.live import Live
     from rich.text import Text
 
-    latest: dict[str, tuple[Event, float]] = {}
+    latest: dict[str, tuple[events.Event, float]] = {}
     names: set[str] = set()
     console = Console(file=getattr(out, "stream", out))  # what it draws is its own, and its lines are filtered
 
-    def text(event: Event, since: float) -> Text:
+    def text(event: events.Event, since: float) -> Text:
         age_s = time.monotonic() - since
         age = f"  ({_age(event, age_s)})" if age_s >= _AGE_S and event.stage not in _ENDS else ""
         words = line(event)
@@ -325,7 +324,7 @@ def _live(out: TextIO) -> Iterator[Subscriber]:
 
     with Live(get_renderable=table, console=console, refresh_per_second=8, transient=True) as live:
 
-        def show(event: Event) -> None:
+        def show(event: events.Event) -> None:
             names.add(event.device)
             latest[event.device] = event, time.monotonic()
             if event.stage in _ENDS and len(names) > _ROOM:

@@ -9,7 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, JSON, Arguments, Flag
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 
@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.vault import Vault
 
 
-PASSPHRASE_FD = Flag("passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N")
+PASSPHRASE_FD = syntax.Flag(
+    "passphrase-fd", "read the passphrase from this open file descriptor instead of asking", takes="N"
+)
 _MOST = 1024
 _WORDS = "the passphrase of the CA key"
 
 
-def passphrase_prompt(arguments: Arguments, what: str = _WORDS) -> Callable[[], Secret]:
+def passphrase_prompt(arguments: syntax.Arguments, what: str = _WORDS) -> Callable[[], Secret]:
     """What asks for the passphrase when it is needed, once: its answer is kept. Raises UsageError when nobody is there.
 
     A descriptor that cannot be read is told at once, before anything is done.
@@ -42,7 +44,7 @@ def passphrase_prompt(arguments: Arguments, what: str = _WORDS) -> Callable[[], 
     return ask
 
 
-def choose_passphrase(arguments: Arguments, check: Callable[[Secret], None]) -> Secret:
+def choose_passphrase(arguments: syntax.Arguments, check: Callable[[Secret], None]) -> Secret:
     """A new passphrase, typed twice or read once. Raises UsageError, and what `check` raises for a weak one."""
     number = _number(arguments)
     if number is not None:
@@ -57,14 +59,14 @@ def choose_passphrase(arguments: Arguments, check: Callable[[Secret], None]) -> 
     return first
 
 
-def vault_of(arguments: Arguments) -> Vault:
+def vault_of(arguments: syntax.Arguments) -> Vault:
     """The inventory's vault: on a terminal its password is typed, once, where none is configured.
 
     Raises UsageError where somebody wants to type it and cannot.
     """
     from atlantis_netcfg.operations.common.vault import Vault
 
-    insist = arguments.has_flag(ASK_VAULT_PASS)
+    insist = arguments.has_flag(syntax.ASK_VAULT_PASS)
     if not sys.stdin.isatty():
         if insist:
             raise UsageError(
@@ -72,7 +74,7 @@ def vault_of(arguments: Arguments) -> Vault:
                 hint="type the command on a terminal, or name a file: ANSIBLE_VAULT_PASSWORD_FILE=FILE provision …",
             )
         return Vault()
-    return Vault(_vault_password if insist or not arguments.has_flag(JSON) else None, insist=insist)
+    return Vault(_vault_password if insist or not arguments.has_flag(syntax.JSON) else None, insist=insist)
 
 
 def _vault_password(vault_id: str) -> Secret:
@@ -80,7 +82,7 @@ def _vault_password(vault_id: str) -> Secret:
     return _read_secret(f"Password of the inventory's vault{suffix}: ")
 
 
-def _number(arguments: Arguments) -> int | None:
+def _number(arguments: syntax.Arguments) -> int | None:
     text = arguments.value(PASSPHRASE_FD.name)
     if text is None:
         return None

@@ -16,9 +16,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Self
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
-from atlantis_netcfg.operations.common.play_control import PlayControl, other_ends, without_result
+from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.operations.common import play_control
 from atlantis_netcfg.operations.common.request import share_declaration
 from atlantis_netcfg.operations.common.vault import Vault, import_ansible, load_used_plugins
 from atlantis_netcfg.routeros.apply import Status
@@ -30,12 +29,12 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations import Request
 
 
-class EngineError(NetcfgError):
+class EngineError(errors.NetcfgError):
     """An error that the engine has already put into words, with the exit code that it chose."""
 
     def __init__(self, message: str, hint: str | None, code: int) -> None:
         super().__init__(message, hint=hint)
-        self.exit = ExitCode(code)
+        self.exit = errors.ExitCode(code)
 
 
 @dataclass(slots=True)
@@ -69,7 +68,7 @@ class PlaybookRunner:
         self,
         names: Sequence[str],
         request: Request,
-        notify: Subscriber,
+        notify: events.Subscriber,
         *,
         on_result: ResultCallback = lambda _name, _result: None,
     ) -> PlayOutcome:
@@ -81,7 +80,7 @@ class PlaybookRunner:
         the request was refused, and no device was changed or found as declared.
         """
         self._ansible = self._ansible or _Ansible(self._checkout, self._declaration.root, self._vault)
-        control = PlayControl()
+        control = play_control.PlayControl()
         with _EventListener(notify, on_result) as listener, control.current(), share_declaration(self._declaration):
             play_request = request.model_copy(update={"events_fd": listener.writer})
             reason, output = self._ansible.play(names, play_request, control)
@@ -89,9 +88,9 @@ class PlaybookRunner:
                 control.cut_off(reason)
         outcome, refusal = listener.outcome, listener.refusal
         outcome.stopped_by = control.stopped_by
-        hosts = dict.fromkeys((*names, *other_ends(names, self._declaration, request)))
+        hosts = dict.fromkeys((*names, *play_control.other_ends(names, self._declaration, request)))
         missing = [name for name in hosts if name not in outcome.devices]
-        missing_results = without_result(
+        missing_results = play_control.without_result(
             missing, names, self._declaration, request, outcome.runs, refusal or reason, output
         )
         results = {**outcome.devices, **missing_results}
@@ -109,7 +108,9 @@ class _Ansible:
     def __init__(self, checkout: Path, inventory: Path, vault: Vault) -> None:
         self._playbook = checkout / "playbooks" / "site.yml"
         if not self._playbook.is_file():
-            raise UsageError(f"there is no {self._playbook}", hint="run `provision` from a checkout of the toolkit")
+            raise errors.UsageError(
+                f"there is no {self._playbook}", hint="run `provision` from a checkout of the toolkit"
+            )
         self._inventory = str(inventory)
         import_ansible()
         from ansible.inventory.manager import InventoryManager
@@ -135,7 +136,7 @@ class _Ansible:
         # Each task runs in a process of its own, which inherits what is imported.
         import_module("atlantis_netcfg.operations.apply")
 
-    def play(self, names: Sequence[str], request: Request, control: PlayControl) -> tuple[str, str]:
+    def play(self, names: Sequence[str], request: Request, control: play_control.PlayControl) -> tuple[str, str]:
         """Run the playbook; give why it was cut off, if it was, and what Ansible has printed."""
         from ansible.errors import AnsibleError
         from ansible.executor.playbook_executor import PlaybookExecutor
@@ -222,7 +223,7 @@ def _version() -> dict[str, Any]:
 class _EventListener:
     """Hears what tasks tell over a pipe, in a thread of its own, and passes it on at once."""
 
-    def __init__(self, notify: Subscriber, on_result: ResultCallback) -> None:
+    def __init__(self, notify: events.Subscriber, on_result: ResultCallback) -> None:
         self.outcome = PlayOutcome()
         self.refusal: EngineError | None = None
         self._notify, self._ended = notify, on_result
@@ -259,7 +260,7 @@ class _EventListener:
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         if "event" in message:
-            self._notify(Event(**{**message["event"], "stage": Stage(message["event"]["stage"])}))
+            self._notify(events.Event(**{**message["event"], "stage": events.Stage(message["event"]["stage"])}))
         elif "error" in message:
             error = message["error"]
             self.refusal = self.refusal or EngineError(error["message"], error["hint"], error["exit"])

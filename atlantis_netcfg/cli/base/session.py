@@ -14,35 +14,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    JSON,
-    PROFILE,
-    REMOVE_FOREIGN,
-    STREAM,
-    SUMMARY,
-    VERBOSE,
-    WITHOUT_PROTECTION,
-    Arguments,
-)
+from atlantis_netcfg import inventory
+from atlantis_netcfg.cli.base import consent, output, syntax
 from atlantis_netcfg.cli.base.commands import DEFAULT
-from atlantis_netcfg.cli.base.consent import pay, pays, removes, require_agreement
-from atlantis_netcfg.cli.base.output import (
-    CommandInterrupt,
-    as_typed,
-    carried_words,
-    json_text,
-    page,
-    progress,
-    width_of,
-)
 from atlantis_netcfg.cli.base.passphrase import vault_of
 from atlantis_netcfg.cli.base.playbook import PlaybookRunner, PlayOutcome
-from atlantis_netcfg.core import paths, printable
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, worst
+from atlantis_netcfg.core import errors, paths, printable
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.processes import stop_signals
-from atlantis_netcfg.inventory import Declaration, Host, choose, load
 from atlantis_netcfg.operations import Mode, Request
 from atlantis_netcfg.operations.common.costs import beforehand, gate
 from atlantis_netcfg.operations.common.kinds import is_supported, is_unit
@@ -65,10 +44,10 @@ if TYPE_CHECKING:
 class CommandSession:
     """One command line's view of a site while its playbook runs."""
 
-    arguments: Arguments
-    declaration: Declaration
+    arguments: syntax.Arguments
+    declaration: inventory.Declaration
     site: str
-    hosts: tuple[Host, ...]
+    hosts: tuple[inventory.Host, ...]
     rehearsal: Rehearsal | None
     state: Path
     vault: Vault
@@ -103,7 +82,9 @@ class CommandSession:
         """Go on with these hosts only. Raises NothingMatched when none is left."""
         self.hosts = tuple(host for host in self.hosts if host.name in names)
         if not self.hosts:
-            raise NoMatchError("nothing to do for any device of that run", hint="`provision runs` lists what is there")
+            raise errors.NoMatchError(
+                "nothing to do for any device of that run", hint="`provision runs` lists what is there"
+            )
 
     @property
     def as_json(self) -> bool:
@@ -111,7 +92,7 @@ class CommandSession:
         return self.arguments.flag("json")
 
     @property
-    def handled_hosts(self) -> tuple[Host, ...]:
+    def handled_hosts(self) -> tuple[inventory.Host, ...]:
         """The hosts that a role handles."""
         return tuple(host for host in self.hosts if is_supported(host))
 
@@ -136,9 +117,9 @@ class CommandSession:
             restore=self.restore,
             use=self.use,
             offline=self.offline,
-            unprotected=self.arguments.has_flag(WITHOUT_PROTECTION),
-            accept_cost=self.arguments.has_flag(ACCEPT_COST),
-            remove_foreign=self.arguments.has_flag(REMOVE_FOREIGN) or self.remove_foreign,
+            unprotected=self.arguments.has_flag(syntax.WITHOUT_PROTECTION),
+            accept_cost=self.arguments.has_flag(syntax.ACCEPT_COST),
+            remove_foreign=self.arguments.has_flag(syntax.REMOVE_FOREIGN) or self.remove_foreign,
             **(self.rehearsal.request_fields if self.rehearsal else {}),
             command=shlex.join(["provision", *sys.argv[1:]]),
         )
@@ -170,7 +151,7 @@ class CommandSession:
         names = [host.name for host in (*self.handled_hosts, *other_hosts)]
         self._refuse_early(request)
         self._runner = self._runner or PlaybookRunner(paths.checkout(), self.declaration, self.vault)
-        with progress(quiet=self.as_json) as notify:
+        with output.progress(quiet=self.as_json) as notify:
             on_result = partial(self._stream_result, sys.stdout)
             outcome = self._runner.play(names, request, notify, on_result=on_result) if names else PlayOutcome()
         if not mode.reads_only:
@@ -189,7 +170,7 @@ class CommandSession:
             runs=tuple(dict.fromkeys(run for runs in outcome.runs.values() for run in runs.values())),
             stopped_by=outcome.stopped_by,
             purpose=mode.value,
-            verbose=self.arguments.has_flag(VERBOSE),
+            verbose=self.arguments.has_flag(syntax.VERBOSE),
         )
 
     def configure_twins(self, *, strict: bool = False) -> None:
@@ -203,9 +184,11 @@ class CommandSession:
         finally:
             self.prepares = False
         if report.exit not in (
-            {ExitCode.DONE} if strict else {ExitCode.DONE, ExitCode.CHECKS_FAILED, ExitCode.NOTHING}
+            {errors.ExitCode.DONE}
+            if strict
+            else {errors.ExitCode.DONE, errors.ExitCode.CHECKS_FAILED, errors.ExitCode.NOTHING}
         ):
-            raise NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
+            raise errors.NetcfgError(f"the emulated devices could not be configured:\n{report.as_text()}")
 
     def _refuse_early(self, request: Request) -> None:
         """Refuse what can be known before anything is started: a wrong bearer, a site that somebody works at."""
@@ -226,10 +209,10 @@ class CommandSession:
         accepted_request = request.model_copy(update={"accept_cost": True})
         gate(self.declaration, self.hosts, accepted_request)
         words = [each.words for each in beforehand(self.declaration, self.hosts, request)]
-        pay(words, is_accepted=request.accept_cost, as_json=self.as_json)
+        consent.pay(words, is_accepted=request.accept_cost, as_json=self.as_json)
         return accepted_request if words else request
 
-    def _other_hosts(self, mode: Mode) -> tuple[Host, ...]:
+    def _other_hosts(self, mode: Mode) -> tuple[inventory.Host, ...]:
         """What a plan or a change goes over beside the engine's hosts: 4G units of other makes, terminals, computers.
 
         To a terminal nothing is sent: the evidence of what is declared of it is looked at.
@@ -245,7 +228,7 @@ class CommandSession:
         return (*others, *computers)
 
     @property
-    def contacted_hosts(self) -> tuple[Host, ...]:
+    def contacted_hosts(self) -> tuple[inventory.Host, ...]:
         """The hosts of a rehearsal that stand behind a bearer: what the engine handles, and the computers."""
         return (
             *self.handled_hosts,
@@ -259,12 +242,15 @@ class CommandSession:
 
     def _stream_result(self, out: TextIO, name: str, result: Mapping[str, Any]) -> None:
         """Give a program that reads along the result of a device while others are still in work."""
-        if self.as_json and self.arguments.has_flag(STREAM):
-            print(json_text({"device": name, **self._complete_hint(result)}), file=out, flush=True)
+        if self.as_json and self.arguments.has_flag(syntax.STREAM):
+            print(output.json_text({"device": name, **self._complete_hint(result)}), file=out, flush=True)
 
     def _complete_hint(self, result: Mapping[str, Any]) -> dict[str, Any]:
         """A result whose hint can be typed as it stands: the engine does not know what else this command was told."""
-        return {**result, "hint": result["hint"] and as_typed(result["hint"], carried_words(self.arguments))}
+        return {
+            **result,
+            "hint": result["hint"] and output.as_typed(result["hint"], output.carried_words(self.arguments)),
+        }
 
     def plan(self) -> RunReport:
         """Plan, show it, and in a rehearsal prove that planning has changed nothing."""
@@ -272,7 +258,7 @@ class CommandSession:
         report = self.perform(Mode.PLAN)
         self.show_plan(report)
         if self._exports() != before:
-            raise NetcfgError("planning has changed an emulated device: this must never happen")
+            raise errors.NetcfgError("planning has changed an emulated device: this must never happen")
         if self.is_rehearsal and not self.as_json:
             print(translate("the emulated device is unchanged, byte for byte"))
         return report
@@ -292,7 +278,7 @@ class CommandSession:
         plans = {name: str(row["plan_hash"]) for name, row in plan_report.devices.items()}
         if saved_plans is not None:
             _refuse_outdated(plan_report, saved_plans, again)
-        if worst(self._plannable(plan_report)) is not ExitCode.CHANGES:
+        if errors.worst(self._plannable(plan_report)) is not errors.ExitCode.CHANGES:
             return plan_report
         if not ask:
             return self.perform(Mode.APPLY, plans=plans)
@@ -310,26 +296,26 @@ class CommandSession:
     def _agree(self, plan_report: RunReport) -> None:
         """Return when a person agrees to the plan, to its cost and to what goes by the hundred. Raises Declined."""
         dear = self._dear(plan_report)
-        if dear and not self.arguments.has_flag(ACCEPT_COST):
-            pays(dear, ask=not self.as_json)
+        if dear and not self.arguments.has_flag(syntax.ACCEPT_COST):
+            consent.pays(dear, ask=not self.as_json)
         many = [
             f"{name}: the plan {change['foreign_words']}"
             for name, change in plan_report.devices.items()
             if _foreign(change)
         ]
-        if many and not self.arguments.has_flag(REMOVE_FOREIGN):
-            removes(many, ask=not self.as_json)
+        if many and not self.arguments.has_flag(syntax.REMOVE_FOREIGN):
+            consent.removes(many, ask=not self.as_json)
             self.remove_foreign = True
         changing = (
             name for name, item in plan_report.devices.items() if item["planned"] or item["status"] == "planned"
         )
-        require_agreement(f"Change {', '.join(changing)} now?")
+        consent.require_agreement(f"Change {', '.join(changing)} now?")
 
     @staticmethod
-    def _plannable(plan_report: RunReport) -> Iterator[ExitCode]:
+    def _plannable(plan_report: RunReport) -> Iterator[errors.ExitCode]:
         """How each device ended: what the look at one has found wrong keeps no other from being changed."""
-        codes = (plan_report.exit, *(ExitCode(device["exit"]) for device in plan_report.devices.values()))
-        return (code for code in codes if code is not ExitCode.CHECKS_FAILED)
+        codes = (plan_report.exit, *(errors.ExitCode(device["exit"]) for device in plan_report.devices.values()))
+        return (code for code in codes if code is not errors.ExitCode.CHECKS_FAILED)
 
     def _exports(self) -> dict[str, str]:
         """What the twins hold, without the comment lines, which tell the time."""
@@ -341,18 +327,18 @@ class CommandSession:
     def show_plan(self, report: RunReport) -> None:
         """Print the changes in the device's own language, and what they cost; with `--summary` the cost alone."""
         if not self.as_json:
-            page(report.cost_rows() if self.arguments.has_flag(SUMMARY) else report.plan_rows())
+            output.page(report.cost_rows() if self.arguments.has_flag(syntax.SUMMARY) else report.plan_rows())
 
-    def close(self, report: RunReport, next_command: str = "") -> ExitCode:
+    def close(self, report: RunReport, next_command: str = "") -> errors.ExitCode:
         """Print how it ended, and keep that beside the journal; `next_command` in place of the usual one."""
         stop_signals.ignore()
         as_json = report.as_json()
         record = self._keep(report.runs, as_json)
         if self.as_json:
-            print(json_text(as_json))
+            print(output.json_text(as_json))
         else:
             final_report = replace(report, next_command=next_command or self._next_command(report), record=record)
-            printable.show(final_report.rows(width_of(sys.stdout)), sys.stdout)
+            printable.show(final_report.rows(output.width_of(sys.stdout)), sys.stdout)
         return report.exit
 
     def _keep(self, runs: Sequence[str], result: Mapping[str, Any]) -> str:
@@ -373,10 +359,10 @@ class CommandSession:
     def _next_command(self, report: RunReport) -> str:
         """What comes next where nothing went wrong; elsewhere the device has a hint of its own."""
         site = min(host.site for host in self.hosts)
-        if report.exit is ExitCode.CHANGES:
+        if report.exit is errors.ExitCode.CHANGES:
             return self._typed_without(*PLAN_ONLY)
-        if report.exit is ExitCode.DONE and not report.stopped_by:
-            words = carried_words(self.arguments)
+        if report.exit is errors.ExitCode.DONE and not report.stopped_by:
+            words = output.carried_words(self.arguments)
             rehearse_flag = ["--rehearse"] if self.is_rehearsal and "--rehearse" not in words else []
             return shlex.join(["provision", "check", f"site={site}", *words, *rehearse_flag])
         return ""
@@ -399,7 +385,7 @@ PLAN_ONLY = ("plan", "summary", "save", "verbose", "json")
 """Flags that the command which carries a plan out does not have, or that say only how it is shown."""
 
 
-class OutdatedPlan(DeviceError):
+class OutdatedPlan(errors.DeviceError):
     """A saved plan is not what would be done now: the devices have moved on, and none was changed."""
 
 
@@ -413,10 +399,16 @@ def _refuse_outdated(plan_report: RunReport, saved_plans: Mapping[str, str], aga
     plans = {name: planned_state(row) for name, row in plan_report.devices.items()}
     # The inventory is that of the plan: where nothing is left to do, its plan was carried out.
     done_plans = {
-        name: plans[name] for name in saved_plans.keys() & plans if plan_report.devices[name]["exit"] == ExitCode.DONE
+        name: plans[name]
+        for name in saved_plans.keys() & plans
+        if plan_report.devices[name]["exit"] == errors.ExitCode.DONE
     }
     saved_plans = {**saved_plans, **done_plans}
-    silent = [name for name, row in plan_report.devices.items() if row["exit"] not in (ExitCode.DONE, ExitCode.CHANGES)]
+    silent = [
+        name
+        for name, row in plan_report.devices.items()
+        if row["exit"] not in (errors.ExitCode.DONE, errors.ExitCode.CHANGES)
+    ]
     other = [name for name in dict.fromkeys((*saved_plans, *plans)) if saved_plans.get(name) != plans.get(name)]
     changed_names = [name for name in other if name not in silent]
     if changed_names:
@@ -434,13 +426,13 @@ def _foreign(result: Mapping[str, Any]) -> bool:
 
 @contextmanager
 def session(  # noqa: PLR0913 - each is a choice of the command's
-    arguments: Arguments,
+    arguments: syntax.Arguments,
     *,
     rehearse: bool = False,
     via: str | None = None,
     site: str | None = None,
     only: Sequence[str] | None = None,
-    choose_hosts: Callable[[Declaration], tuple[Host, ...]] | None = None,
+    choose_hosts: Callable[[inventory.Declaration], tuple[inventory.Host, ...]] | None = None,
 ) -> Iterator[CommandSession]:
     """Load and validate the whole pilot, choose the hosts, start twins if asked to; they end with the context.
 
@@ -453,7 +445,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         inventory_name = arguments.optional("inventory")
         # Whoever logs in to a device needs its password; emulated devices get those of the real ones.
         vault = vault_of(arguments)
-        declaration = load(
+        declaration = inventory.load(
             Path(inventory_name) if inventory_name else paths.checkout() / "inventory", decrypt=vault.decrypt
         )
         if rehearse:
@@ -463,7 +455,7 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
         if site is None:
             site = arguments.word("site")
         if choose_hosts is None:
-            hosts = choose(declaration, site, only)
+            hosts = inventory.choose(declaration, site, only)
             require_handled(hosts, only, arguments.command.name)
         else:
             hosts = choose_hosts(declaration)
@@ -475,10 +467,12 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
                 from atlantis_netcfg.operations.common.rehearsal import rehearsal
 
                 replay = _replay(arguments, hosts)
-                with progress(quiet=arguments.flag(JSON.name)) as notify:
+                with output.progress(quiet=arguments.flag(syntax.JSON.name)) as notify:
                     twins = stack.enter_context(rehearsal(declaration, hosts, via, notify, replay))
-            elif arguments.has_flag(PROFILE):
-                raise UsageError("`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse")
+            elif arguments.has_flag(syntax.PROFILE):
+                raise errors.UsageError(
+                    "`--profile` is for rehearsals: a real link is what it is", hint="add --rehearse"
+                )
             yield CommandSession(
                 arguments,
                 declaration,
@@ -493,10 +487,10 @@ def session(  # noqa: PLR0913 - each is a choice of the command's
     except KeyboardInterrupt as stop:
         if not arguments.command.plays:
             raise
-        raise CommandInterrupt(stop, changed_devices) from stop
+        raise output.CommandInterrupt(stop, changed_devices) from stop
 
 
-def _warn_of_damage(hosts: Sequence[Host]) -> None:
+def _warn_of_damage(hosts: Sequence[inventory.Host]) -> None:
     """Name damaged journals on stderr: what a command takes from earlier runs may be missing."""
     store = Store(paths.state_dir())
     for site in sorted({host.site for host in hosts} & {*store.sites()}):
@@ -504,20 +498,22 @@ def _warn_of_damage(hosts: Sequence[Host]) -> None:
             print(translate(f"warning: {damage}"), file=sys.stderr, flush=True)
 
 
-def _replay(arguments: Arguments, hosts: Sequence[Host]) -> Replay | None:
+def _replay(arguments: syntax.Arguments, hosts: Sequence[inventory.Host]) -> Replay | None:
     """Find the run that takes the place of a declared link, and say so. Raises UsageError."""
-    if not arguments.has_flag(PROFILE):
+    if not arguments.has_flag(syntax.PROFILE):
         return None
     from atlantis_netcfg.operations.common.link_shapes import open_replay
 
     roots = [Store(paths.state_dir(), is_rehearsal=is_rehearsal).root for is_rehearsal in (False, True)]
-    replay = open_replay(arguments.value(PROFILE.name) or "", roots, tuple(dict.fromkeys(host.site for host in hosts)))
-    if not arguments.flag(JSON.name):
+    replay = open_replay(
+        arguments.value(syntax.PROFILE.name) or "", roots, tuple(dict.fromkeys(host.site for host in hosts))
+    )
+    if not arguments.flag(syntax.JSON.name):
         print(translate(replay.words), flush=True)
     return replay
 
 
-def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) -> None:
+def require_handled(hosts: tuple[inventory.Host, ...], only: Sequence[str], command: str) -> None:
     """Refuse where no role has anything to do, and what is named and would be passed over.
 
     Some commands also look at what the engine does not handle.
@@ -530,9 +526,9 @@ def require_handled(hosts: tuple[Host, ...], only: Sequence[str], command: str) 
     passed_over = [host for host in hosts if not any(takes(host) for takes in (is_supported, *also))]
     named_hosts = [f"{host.name} ({host.device.kind.replace('_', ' ')})" for host in passed_over if host.name in only]
     if named_hosts and len(passed_over) < len(hosts):
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"`provision {command}` does nothing with {', '.join(named_hosts)}", hint="leave it out of `only=`"
         )
     if len(passed_over) == len(hosts):
         kinds = ", ".join(sorted({host.device.kind.replace("_", " ") for host in hosts}))
-        raise NoMatchError(f"nothing to do: no role handles these devices yet ({kinds})")
+        raise errors.NoMatchError(f"nothing to do: no role handles these devices yet ({kinds})")

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    PROFILE,
-    VIA,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core.language import translate
 
@@ -25,18 +14,17 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.checklist import SavedChecklist, SigningTrouble
     from atlantis_netcfg.checklist.report import Document
-    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.core.errors import ExitCode
 
 
-CHECK = CommandSpec(
+CHECK = syntax.CommandSpec(
     "check",
     "go through the pre-test checklist of a site: what a program sees, what people confirm, who signs",
-    group=Group.FIRST,
+    group=syntax.Group.FIRST,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("vehicle", "only these vehicles", many=True, example="sparus"),
-        Word(
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("vehicle", "only these vehicles", many=True, example="sparus"),
+        syntax.Word(
             "endpoint",
             "only these columns of Table 3, the Ethernet beside it, the site's own checks, robots, or declared items",
             many=True,
@@ -45,26 +33,26 @@ CHECK = CommandSpec(
                 *("ethernet", "site", "robot", "integration", "items"),
             ),
         ),
-        Word(
+        syntax.Word(
             "phase",
             "only what is due there; recovery and integration (of one vehicle) are lists of their own",
             many=True,
             choices=("bench", "quay", "in-water", "recovery", "integration"),
         ),
-        Word("mission", "with the items that the site declares for this mission", example="night"),
-        Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),
-        VIA,
-        INVENTORY,
+        syntax.Word("mission", "with the items that the site declares for this mission", example="night"),
+        syntax.Word("break", "rehearsal: break these things first, for training", many=True, example="rogue-dhcp"),
+        syntax.VIA,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("answers", "take consents and confirmations from this file, and ask nobody", takes="FILE"),
-        Flag("anew", "begin again, where an interrupted checklist would go on"),
-        Flag("sign-as", "sign with this name when nothing is open, without asking", takes="NAME"),
-        Flag("rehearse", "the same with emulated vehicles and devices of the site"),
-        PROFILE,
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("answers", "take consents and confirmations from this file, and ask nobody", takes="FILE"),
+        syntax.Flag("anew", "begin again, where an interrupted checklist would go on"),
+        syntax.Flag("sign-as", "sign with this name when nothing is open, without asking", takes="NAME"),
+        syntax.Flag("rehearse", "the same with emulated vehicles and devices of the site"),
+        syntax.PROFILE,
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Each result and each answer is kept at once; type the same again to go on after a break. Nothing is sent into "
@@ -74,26 +62,26 @@ CHECK = CommandSpec(
 )
 
 
-def run_check(arguments: Arguments) -> ExitCode:
+def run_check(arguments: syntax.Arguments) -> ExitCode:
     """Work out the list, open its book, look and ask, tell."""
     from atlantis_netcfg.cli.checklist.check_run import run_check
 
     return run_check(arguments)
 
 
-REPORT_LIST = CommandSpec(
+REPORT_LIST = syntax.CommandSpec(
     "report list",
     "list the checklists of a site, who signed them, and what has changed since the last green one",
-    group=Group.CHECKLIST,
+    group=syntax.Group.CHECKLIST,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("vehicle", "only what was found of this vehicle", example="sparus"),
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("vehicle", "only what was found of this vehicle", example="sparus"),
     ),
-    flags=(Flag("rehearsed", "those of rehearsals instead of real ones"), JSON),
+    flags=(syntax.Flag("rehearsed", "those of rehearsals instead of real ones"), syntax.JSON),
 )
 
 
-def run_report_list(arguments: Arguments) -> ExitCode:
+def run_report_list(arguments: syntax.Arguments) -> ExitCode:
     """List checklists, oldest first, then what has changed since the last one that passed."""
     from atlantis_netcfg.cli.checklist import check_run
     from atlantis_netcfg.core.errors import ExitCode, NoMatchError
@@ -199,20 +187,20 @@ def _changes(since: Mapping[str, Any] | None) -> Iterator[str]:
         yield printable.line(f"  {item['id']}: {before} -> {after}: {translate(item['message'])}")
 
 
-REPORT_SHOW = CommandSpec(
+REPORT_SHOW = syntax.CommandSpec(
     "report show",
     "show a checklist that is kept, and where its pages are",
-    group=Group.CHECKLIST,
+    group=syntax.Group.CHECKLIST,
     words=(
-        Word("site", "the site", is_required=True, example="coastal"),
-        Word("run", "which one; the newest if left out", example="20260504T093000Z"),
+        syntax.Word("site", "the site", is_required=True, example="coastal"),
+        syntax.Word("run", "which one; the newest if left out", example="20260504T093000Z"),
     ),
-    flags=(Flag("rehearsed", "one of a rehearsal instead of a real one"), JSON),
+    flags=(syntax.Flag("rehearsed", "one of a rehearsal instead of a real one"), syntax.JSON),
     details="Exit code as that of the checklist: 0 all green, 6 not, 7 nothing was checked.",
 )
 
 
-def run_report_show(arguments: Arguments) -> ExitCode:
+def run_report_show(arguments: syntax.Arguments) -> ExitCode:
     """Print what its end has printed."""
     import sys
 
@@ -236,22 +224,22 @@ def run_report_show(arguments: Arguments) -> ExitCode:
     return item.document.exit
 
 
-REPORT_VERIFY = CommandSpec(
+REPORT_VERIFY = syntax.CommandSpec(
     "report verify",
     "verify that signed checklists, with all their files, are as they were signed",
-    group=Group.CHECKLIST,
+    group=syntax.Group.CHECKLIST,
     words=(
-        Word("site", "only those of this site", example="coastal"),
-        Word("run", "only this one", example="20260504T093000Z"),
-        Word("file", "a report.json that came by mail, in place of what is kept here", example="report.json"),
-        Word(
+        syntax.Word("site", "only those of this site", example="coastal"),
+        syntax.Word("run", "only this one", example="20260504T093000Z"),
+        syntax.Word("file", "a report.json that came by mail, in place of what is kept here", example="report.json"),
+        syntax.Word(
             "key",
             "one of these keys must have signed, by fingerprint; this computer's if left out",
             many=True,
             example="SHA256:…",
         ),
     ),
-    flags=(JSON,),
+    flags=(syntax.JSON,),
     details=(
         "Real and rehearsed checklists alike. Exit code 0: as signed, 6: something is not, and which file it is, 7: "
         "nothing was signed. Compare the fingerprint of a key with whoever signed, never with the file itself."
@@ -259,7 +247,7 @@ REPORT_VERIFY = CommandSpec(
 )
 
 
-def run_report_verify(arguments: Arguments) -> ExitCode:
+def run_report_verify(arguments: syntax.Arguments) -> ExitCode:
     """Look at every byte that was signed."""
     from atlantis_netcfg.core.errors import ExitCode, NoMatchError
 
@@ -275,7 +263,7 @@ def run_report_verify(arguments: Arguments) -> ExitCode:
     return code
 
 
-def _local_rows(arguments: Arguments) -> Iterator[dict[str, Any]]:
+def _local_rows(arguments: syntax.Arguments) -> Iterator[dict[str, Any]]:
     """A row for each that was signed here, real ones first."""
     from atlantis_netcfg.checklist import books, verify
     from atlantis_netcfg.cli.checklist import check_run
@@ -297,7 +285,7 @@ def _was_signed(item: SavedChecklist) -> bool:
     return item.state in {VehicleState.SIGNED, VehicleState.DAMAGED} or (item.folder / "report.json").exists()
 
 
-def _file_row(arguments: Arguments, name: str) -> dict[str, Any]:
+def _file_row(arguments: syntax.Arguments, name: str) -> dict[str, Any]:
     """The row of a report that came alone: it is told by its own name."""
     from dataclasses import replace
     from pathlib import Path

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__
+from atlantis_netcfg import __version__, runs
 from atlantis_netcfg.checklist import (
     Answers,
     Book,
@@ -21,51 +21,28 @@ from atlantis_netcfg.checklist import (
     SigningError,
     books,
     plan,
+    report,
 )
 from atlantis_netcfg.checklist.confirmations import clean_name, refused_person
 from atlantis_netcfg.checklist.plan import drawing
 from atlantis_netcfg.checklist.probes import Place
-from atlantis_netcfg.checklist.report import (
-    Document,
-    Item,
-    Phase,
-    body,
-    ending,
-    lines,
-    seal,
-    signature_line,
-    to_look_at,
-)
 from atlantis_netcfg.checklist.runner import RealEars
+from atlantis_netcfg.cli.base import output
 from atlantis_netcfg.cli.base.consent import shown_word
-from atlantis_netcfg.cli.base.output import json_text, progress, tell
 from atlantis_netcfg.cli.base.session import CommandSession, session
-from atlantis_netcfg.cli.checklist.workflow import (
-    BACK,
-    LATER,
-    CheckWorkflow,
-    Listening,
-    Prompt,
-    PromptAbort,
-    PromptBack,
-    doubt_of_name,
-    price_of,
-    render_item,
-)
-from atlantis_netcfg.core import paths, printable
+from atlantis_netcfg.cli.checklist import workflow
+from atlantis_netcfg.core import events, paths, printable
 from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, nearest
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import show
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.runs import Store, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.syntax import Arguments
     from atlantis_netcfg.inventory import Declaration, Host
 
 
@@ -103,7 +80,7 @@ def refuse_absent(faults: Sequence[str], every: Checklist, scope: Scope) -> None
                 what, hint="faults are told for the coastal testbed of the shipped inventory: try site=coastal"
             )
         rows = {turn.partition("/")[0] for turn in FAULTS[fault].turns}
-        if Phase.INTEGRATION in scope.phases and not rows.intersection(scope.vehicles):
+        if report.Phase.INTEGRATION in scope.phases and not rows.intersection(scope.vehicles):
             others = rows - {"SITE"}
             hint = f"it is for the record of `vehicle={min(others)}`" if others else "it is for the site's checklist"
             raise UsageError(
@@ -151,8 +128,8 @@ def not_rehearsed(site_session: CommandSession, entries: Sequence[PlanEntry]) ->
 
 @contextmanager
 def listening(
-    site_session: CommandSession, faults: Sequence[str], notify: Subscriber, ssh_config: str | None = None
-) -> Iterator[Listening]:
+    site_session: CommandSession, faults: Sequence[str], notify: events.Subscriber, ssh_config: str | None = None
+) -> Iterator[workflow.Listening]:
     """Give the ears of a site, once somebody has agreed to what the looking may cost. Raises CostRefused.
 
     `ssh_config`: file of OpenSSH that says how the gateway is reached, in place of the declared address.
@@ -164,17 +141,17 @@ def listening(
             RealEars(site_session.declaration, site_session.site, each, notify, ssh_config)
             for each in (request, paid_request)
         ]
-        yield Listening(*both)
+        yield workflow.Listening(*both)
         return
     from atlantis_netcfg.checklist.runner.simulated import rehearsed_ears
 
     if site_session.rehearsal.targets:
         site_session.configure_twins()
     with rehearsed_ears(site_session.declaration, site_session.site, site_session.rehearsal, faults) as ears:
-        yield Listening(ears, ears)
+        yield workflow.Listening(ears, ears)
 
 
-def folder_of(store: Store, site: str) -> Path:
+def folder_of(store: runs.Store, site: str) -> Path:
     """Where the checklists of a site are kept."""
     return store.root / site / "checks"
 
@@ -195,19 +172,19 @@ def opened_book(site_session: CommandSession, checklist: Checklist, faults: Sequ
     return Book.open(folder, checklist, head, anew=anew, command=command)
 
 
-def store(*, is_rehearsal: bool) -> Store:
+def store(*, is_rehearsal: bool) -> runs.Store:
     """Where they are kept."""
-    return Store(paths.state_dir(), is_rehearsal=is_rehearsal)
+    return runs.Store(paths.state_dir(), is_rehearsal=is_rehearsal)
 
 
-def sites_with(where: Store) -> tuple[str, ...]:
+def sites_with(where: runs.Store) -> tuple[str, ...]:
     """The sites that have a checklist there."""
     if not where.root.is_dir():
         return ()
     return tuple(sorted(path.name for path in where.root.iterdir() if books(folder_of(where, path.name))))
 
 
-def kept_of(where: Store, site: str, *, is_rehearsal: bool) -> tuple[SavedChecklist, ...]:
+def kept_of(where: runs.Store, site: str, *, is_rehearsal: bool) -> tuple[SavedChecklist, ...]:
     """The checklists of a site, newest last. Raises NothingMatched where there are none."""
     sites = sites_with(where)
     if site in sites:
@@ -243,7 +220,7 @@ def _suggest(word: str, names: Iterable[str], what: str) -> str:
     return f"did you mean `{near}`?" if near else f"{what}: {', '.join(every) or 'none'}"
 
 
-def as_json(document: Document) -> dict[str, Any]:
+def as_json(document: report.Document) -> dict[str, Any]:
     """The document, and how the command ends."""
     return {**document.model_dump(mode="json"), "exit": int(document.exit)}
 
@@ -262,13 +239,13 @@ def again(arguments: Arguments, without: Collection[str] = ("anew",)) -> str:
     return shlex.join(["provision", arguments.command.name, *words, *flags])
 
 
-def greet(prompt: Prompt, book: Book) -> None:
+def greet(prompt: workflow.Prompt, book: Book) -> None:
     """Say what is settled already, and what is open; and how it is left for another time."""
     items = book.items
     waiting = sum(item.open and item.override is None for item in items)
     if book.words:
         prompt.say(translate(book.words))
-    later, back = shown_word(LATER), shown_word(BACK)
+    later, back = shown_word(workflow.LATER), shown_word(workflow.BACK)
     for words in (
         f"{len(items) - waiting} of {len(items)} items are settled, {waiting} are open.",
         f"Every answer is kept at once. `{later}` leaves the rest for another time,",
@@ -287,15 +264,15 @@ def signer(answers: Answers | None, sign_as: str | None) -> str | None:
     return sign_as if sign_as is not None or answers is None else answers.sign_by
 
 
-def signer_at(prompt: Prompt, turn: CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
+def signer_at(prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, signers: Sequence[str]) -> str | None:
     """Who signs, after a look at all of it; None: nobody, or something is open. `signers`: who alone may."""
     while not any(item.open and item.override is None for item in book.items):
-        prompt.say(f"\n{lines(book.document())}\n")
+        prompt.say(f"\n{report.lines(book.document())}\n")
         try:
             return prompt.name_of(signers) if prompt.agrees("Nothing is open. Sign it as it stands?") else None
-        except PromptAbort:
+        except workflow.PromptAbort:
             return None
-        except PromptBack:
+        except workflow.PromptBack:
             turn.go_back(prompt)
     return None
 
@@ -312,19 +289,19 @@ def close(
         _draft(book, document)
     if arguments.flag("json"):
         result = [{"message": str(error), "hint": error.hint} for error in errors]
-        print(json_text({**as_json(document), "errors": result}))
+        print(output.json_text({**as_json(document), "errors": result}))
     else:
         last = [*_next(arguments, document), *pages_in(book.folder)]
-        above = [*(seal(document) if read else body(document))]
+        above = [*(report.seal(document) if read else report.body(document))]
         if document.signed is not None:  # it stands above the last lines, which have to be few
-            above.append(translate(signature_line(document)))
+            above.append(translate(report.signature_line(document)))
         room = _LAST - sum(-(-max(len(line), 1) // printable.NARROW) for line in last)
-        show([*above, "", *ending(document, room, with_signature=not document.items), *last], sys.stdout)
-        tell(errors)
+        show([*above, "", *report.ending(document, room, with_signature=not document.items), *last], sys.stdout)
+        output.tell(errors)
     return document.exit
 
 
-def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Document, list[NetcfgError]]:
+def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[report.Document, list[NetcfgError]]:
     if by is None:
         return book.document(), []
     try:
@@ -333,11 +310,11 @@ def _sign(book: Book, by: str | None, leave: Mapping[str, str]) -> tuple[Documen
         return book.document(), [error]
 
 
-def _draft(book: Book, document: Document) -> None:
+def _draft(book: Book, document: report.Document) -> None:
     """The pages as they would be, for who wants to look before anybody signs."""
-    with os_errors_as("the report", book.folder):
+    with runs.os_errors_as("the report", book.folder):
         for name, data in _pages(document, book).items():
-            write_atomically(book.folder / name, data)
+            runs.write_atomically(book.folder / name, data)
 
 
 _NOT_AT_A_TERMINAL = frozenset({"anew", "answers", "json", "sign-as"})
@@ -345,13 +322,13 @@ _LAST = 8
 """Lines at the end that alone tell what has happened and what to do."""
 
 
-def _next(arguments: Arguments, document: Document) -> Iterator[str]:
+def _next(arguments: Arguments, document: report.Document) -> Iterator[str]:
     """What to type next, and for what."""
     if not document.items or (document.signed is not None and document.exit is ExitCode.DONE):
         return
     waiting = sum(item.open and item.override is None for item in document.items)
     if document.signed is not None:
-        words = _begin_anew(to_look_at(document)[1])
+        words = _begin_anew(report.to_look_at(document)[1])
     elif waiting == 1:
         words = "NOT SIGNED: 1 item is open. To go on and to sign, type on a terminal:"
     elif waiting:
@@ -362,7 +339,7 @@ def _next(arguments: Arguments, document: Document) -> Iterator[str]:
     yield f"  {again(arguments, _NOT_AT_A_TERMINAL)}"
 
 
-def _begin_anew(bad: Sequence[Item]) -> str:
+def _begin_anew(bad: Sequence[report.Item]) -> str:
     """After the signature of what has not passed. The worst is named: its own lines may have scrolled away."""
     if not bad:
         return "Nothing was checked. Begin a new checklist; type:"
@@ -374,7 +351,7 @@ def _begin_anew(bad: Sequence[Item]) -> str:
     return f"Mend {worst} and {others} others, then begin a new checklist; type:"
 
 
-def _pages(document: Document, book: Book) -> Mapping[str, bytes]:
+def _pages(document: report.Document, book: Book) -> Mapping[str, bytes]:
     from atlantis_netcfg.checklist.report import pages
 
     return pages(document, book.files)
@@ -434,16 +411,16 @@ def taking_part(
     return tuple(host for host in hosts if routers and not is_computer(host))
 
 
-def run_check(arguments: Arguments, prompt: Prompt | None = None) -> ExitCode:
+def run_check(arguments: Arguments, prompt: workflow.Prompt | None = None) -> ExitCode:
     """Hold one sitting, and tell how it ended. `desk`: in place of the terminal."""
     refuse_faults(arguments.many("break"), is_rehearsal=arguments.flag("rehearse"))
-    if (name := arguments.value("sign-as")) is not None and doubt_of_name(clean_name(name)):
+    if (name := arguments.value("sign-as")) is not None and workflow.doubt_of_name(clean_name(name)):
         raise UsageError(
             f"`--sign-as {name}`: this is hardly the name of a person", hint="write the name as it shall stand there"
         )
     check = PreparedCheck(arguments)
     if prompt is None and _somebody_is_here(arguments):
-        prompt = Prompt()
+        prompt = workflow.Prompt()
     try:
         with session(
             arguments,
@@ -462,11 +439,11 @@ def _somebody_is_here(arguments: Arguments) -> bool:
 
 
 def _scope(arguments: Arguments) -> Scope:
-    phases = tuple(Phase(item.replace("-", " ")) for item in arguments.many("phase"))
+    phases = tuple(report.Phase(item.replace("-", " ")) for item in arguments.many("phase"))
     return Scope(arguments.many("vehicle"), arguments.many("endpoint"), phases, arguments.optional("mission") or "")
 
 
-def _sit(site_session: CommandSession, check: PreparedCheck, prompt: Prompt | None) -> ExitCode:
+def _sit(site_session: CommandSession, check: PreparedCheck, prompt: workflow.Prompt | None) -> ExitCode:
     faults = site_session.arguments.many("break")
     with opened_book(site_session, check.checklist, faults, anew=_anew(site_session, prompt)) as book:
         by = _look(site_session, check, book, prompt)
@@ -475,20 +452,20 @@ def _sit(site_session: CommandSession, check: PreparedCheck, prompt: Prompt | No
         return close(site_session.arguments, book, by, leave, read=read)
 
 
-def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt: Prompt | None) -> str | None:
+def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt: workflow.Prompt | None) -> str | None:
     """Look and ask; who signs."""
     entries, faults = check.checklist.entries, site_session.arguments.many("break")
     with (
         # A person reads and types where progress would be drawn.
-        progress(quiet=site_session.as_json) if prompt is None else nullcontext(ignore) as notify,
+        output.progress(quiet=site_session.as_json) if prompt is None else nullcontext(events.ignore) as notify,
         listening(site_session, faults, notify) as ears,
     ):
-        turn = CheckWorkflow(
+        turn = workflow.CheckWorkflow(
             book,
             entries,
             ears,
             _message(notify, prompt),
-            lambda entry: price_of(site_session, entry),
+            lambda entry: workflow.price_of(site_session, entry),
             site_session.is_rehearsal,
         )
         if prompt is None:
@@ -498,26 +475,28 @@ def _look(site_session: CommandSession, check: PreparedCheck, book: Book, prompt
         return _with(prompt, turn, book, site_session.arguments.value("sign-as"), check.checklist.signers)
 
 
-def _message(notify: Subscriber, prompt: Prompt | None) -> Callable[[Item], None]:
-    def tell(item: Item) -> None:
+def _message(notify: events.Subscriber, prompt: workflow.Prompt | None) -> Callable[[report.Item], None]:
+    def tell(item: report.Item) -> None:
         if prompt is not None:
-            prompt.say(render_item(item))
+            prompt.say(workflow.render_item(item))
         else:
-            notify(Event(item.id, Stage.DONE, f"{item.verdict}: {item.message}"))
+            notify(events.Event(item.id, events.Stage.DONE, f"{item.verdict}: {item.message}"))
 
     return tell
 
 
-def _anew(site_session: CommandSession, prompt: Prompt | None) -> bool:
+def _anew(site_session: CommandSession, prompt: workflow.Prompt | None) -> bool:
     """A rehearsal that nobody sits at has its things as they are declared, or broken, this time: nothing is kept."""
     return site_session.arguments.flag("anew") or (site_session.is_rehearsal and prompt is None)
 
 
-def _with(prompt: Prompt, turn: CheckWorkflow, book: Book, sign_as: str | None, signers: Sequence[str]) -> str | None:
+def _with(
+    prompt: workflow.Prompt, turn: workflow.CheckWorkflow, book: Book, sign_as: str | None, signers: Sequence[str]
+) -> str | None:
     """Go through it with a person; who signs (`sign_as`: whom `--sign-as` names)."""
     greet(prompt, book)
     try:
         turn.with_a_person(prompt)
-    except PromptAbort:
+    except workflow.PromptAbort:
         prompt.say(translate("left for later"))
     return sign_as if sign_as is not None else signer_at(prompt, turn, book, signers)

@@ -18,13 +18,12 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, TypeVar
 
-from atlantis_netcfg.checklist import Answers, Book, ChecklistUsageError, Confirmation, PlanEntry
-from atlantis_netcfg.checklist.confirmations import OVERRIDABLE, clean_name, is_photo, refused_person
+from atlantis_netcfg import checklist
+from atlantis_netcfg.checklist import confirmations, report
 from atlantis_netcfg.checklist.probes import AllowListTestRequest
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, Item, ItemKind, Phase, item_title
 from atlantis_netcfg.checklist.runner import Ears, examine
-from atlantis_netcfg.cli.base.arguments import ACCEPT_COST
 from atlantis_netcfg.cli.base.consent import NO, PAY, YES, plain, shown_word, taken_words, whole_word, yes_or_no
+from atlantis_netcfg.cli.base.syntax import ACCEPT_COST
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import nearest
 from atlantis_netcfg.core.events import Verdict
@@ -57,7 +56,7 @@ _NOTES: Mapping[Verdict, str] = {
 """What is asked after a verdict that needs words."""
 
 
-def render_item(item: Item) -> str:
+def render_item(item: report.Item) -> str:
     """Tell a result, and what to do about it."""
     hint = item.hint if item.hint and item.verdict not in {Verdict.PASS, Verdict.SKIP} else None
     return f"  {item.verdict:<12} {item.id}: {translate(item.message)}" + (
@@ -65,21 +64,21 @@ def render_item(item: Item) -> str:
     )
 
 
-def ready(prompt: Prompt, phase: Phase) -> bool:
+def ready(prompt: Prompt, phase: report.Phase) -> bool:
     """Whether things are where the next phase looks at them; otherwise it is left open. Raises Later."""
     return prompt.choose(_READY[phase], {YES: True, "skip": False})
 
 
-_READY: Mapping[Phase, str] = {
-    Phase.BENCH: "Is everything on the bench and switched on?",
-    Phase.QUAY: "Is everything at the quay and switched on?",
-    Phase.WATER: "Is everything in the water and switched on?",
-    Phase.RECOVERY: "Is everything back?",
-    Phase.INTEGRATION: "Is the robot switched on, and its interface started?",
+_READY: Mapping[report.Phase, str] = {
+    report.Phase.BENCH: "Is everything on the bench and switched on?",
+    report.Phase.QUAY: "Is everything at the quay and switched on?",
+    report.Phase.WATER: "Is everything in the water and switched on?",
+    report.Phase.RECOVERY: "Is everything back?",
+    report.Phase.INTEGRATION: "Is the robot switched on, and its interface started?",
 }
 
 
-def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
+def confirm(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     """Show what to do and what to look for, and write down the answer. Raises Later."""
     _title(prompt, entry)
     step = entry.step
@@ -93,21 +92,21 @@ def confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
     _confirm(book, prompt, entry)
 
 
-def _title(prompt: Prompt, entry: PlanEntry) -> None:
-    prompt.say(f"\n{entry.item.id}: {item_title(entry.item)}")
+def _title(prompt: Prompt, entry: checklist.PlanEntry) -> None:
+    prompt.say(f"\n{entry.item.id}: {report.item_title(entry.item)}")
 
 
-def _confirm(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
+def _confirm(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     while True:
         try:
             prompt.say(render_item(book.confirm(entry.item.id, _answer(prompt, entry.step))))
-        except ChecklistUsageError as refused:
+        except checklist.ChecklistUsageError as refused:
             prompt.refuses(refused)
         else:
             return
 
 
-def _answer(prompt: Prompt, step: Step) -> Confirmation:
+def _answer(prompt: Prompt, step: Step) -> checklist.Confirmation:
     verdict = _verdict(prompt)
     request, holds = step.evidence, verdict in {Verdict.PASS, Verdict.WARN}
     number, photo = (holds and request.kind is kind for kind in (EvidenceKind.NUMBER, EvidenceKind.PHOTO))
@@ -118,7 +117,7 @@ def _answer(prompt: Prompt, step: Step) -> Confirmation:
         note = prompt.needs("What was seen:")
     else:
         note = prompt.ask("Note (may be empty):")
-    return Confirmation(
+    return checklist.Confirmation(
         verdict=verdict, by=prompt.name_of(step.by), note=note, files=prompt.files(photo=photo), value=value
     )
 
@@ -131,7 +130,7 @@ def _verdict(prompt: Prompt) -> Verdict:
             return verdict
 
 
-def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None:
+def consent(prompt: Prompt, entry: checklist.PlanEntry, price: Price | None) -> str | None:
     """Ask for the word that an active step needs, and for the money. None: it is not given. Raises Later."""
     condition = entry.step.consent
     assert condition is not None, "only active steps are asked for"  # noqa: S101 - Step holds it
@@ -147,7 +146,7 @@ def consent(prompt: Prompt, entry: PlanEntry, price: Price | None) -> str | None
     return prompt.name
 
 
-def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
+def otherwise(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     """What becomes of an active step that is not done. Raises Later."""
     if not book.item(entry.item.id).open:
         return
@@ -160,7 +159,14 @@ def otherwise(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
             _override(book, prompt, entry)
 
 
-def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None], *, read: bool) -> None:
+def mend(
+    book: checklist.Book,
+    prompt: Prompt,
+    entry: checklist.PlanEntry,
+    probe: Callable[[checklist.PlanEntry], None],
+    *,
+    read: bool,
+) -> None:
     """As long as an item is not green: look again, or take the responsibility, or leave it as it is. Raises Later.
 
     `read`: its result is the line above.
@@ -171,35 +177,39 @@ def mend(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntr
         pass
 
 
-def correct(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> None:
+def correct(
+    book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
+) -> None:
     """Show how an item stands, and let it be looked at or answered again, whatever it is. Raises Later."""
     prompt.say(render_item(book.item(entry.item.id)))
     if _ask_correction(book, prompt, entry, probe):
         mend(book, prompt, entry, probe, read=True)
 
 
-def _ask_correction(book: Book, prompt: Prompt, entry: PlanEntry, probe: Callable[[PlanEntry], None]) -> bool:
+def _ask_correction(
+    book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry, probe: Callable[[checklist.PlanEntry], None]
+) -> bool:
     """Ask what becomes of an item; False: it stays as it is."""
     item = book.item(entry.item.id)
     again, override, on = map(shown_word, _AFTER)
-    if item.verdict in OVERRIDABLE:
+    if item.verdict in confirmations.OVERRIDABLE:
         choice = prompt.choose(f"Look `{again}`, `{override}` it on your word, or go `{on}`?", _AFTER)
     else:
         choice = prompt.choose(f"Look `{again}`, or go `{on}`?", _AGAIN)
     if choice == "override":
         _override(book, prompt, entry)
-    elif choice == "again" and item.kind is ItemKind.PERSON:
+    elif choice == "again" and item.kind is report.ItemKind.PERSON:
         confirm(book, prompt, entry)
     elif choice == "again":
         probe(entry)
     return choice != "on"
 
 
-def _override(book: Book, prompt: Prompt, entry: PlanEntry) -> None:
+def _override(book: checklist.Book, prompt: Prompt, entry: checklist.PlanEntry) -> None:
     try:
         reason = prompt.needs("The reason, which stands in the report:")
         book.override(entry.item.id, reason, prompt.name_of(entry.step.by))
-    except ChecklistUsageError as refused:
+    except checklist.ChecklistUsageError as refused:
         prompt.refuses(refused)
 
 
@@ -212,19 +222,19 @@ _ELSE = {word: word for word in ("open", "seen", "override")}
 class CheckWorkflow:
     """One sitting over a book."""
 
-    book: Book
-    entries: Sequence[PlanEntry]
+    book: checklist.Book
+    entries: Sequence[checklist.PlanEntry]
     ears: Listening
-    show: Callable[[Item], None]
+    show: Callable[[report.Item], None]
     """Called with each result as soon as it is in the book."""
-    price: Callable[[PlanEntry], Price | None]
+    price: Callable[[checklist.PlanEntry], Price | None]
     """What an active step costs on a metered link. Raises CostRefused."""
     at_once: bool = False
     """Nobody carries anything to the quay or into the water between the phases: it is a rehearsal."""
-    _visited_entries: list[PlanEntry] = field(default_factory=list)
+    _visited_entries: list[checklist.PlanEntry] = field(default_factory=list)
     """What a person was asked about in this sitting, for `back`."""
 
-    def alone(self, answers: Answers | None) -> tuple[str, ...]:
+    def alone(self, answers: checklist.Answers | None) -> tuple[str, ...]:
         """Look at all that needs no person, and at what the answers consent to; then write the answers down.
 
         What was green at an earlier sitting is looked at again: without a person nobody can say that it still is.
@@ -241,7 +251,7 @@ class CheckWorkflow:
         if self.at_once:
             self._examine(self._unseen(self.entries), {})
         before = None
-        for phase in Phase:
+        for phase in report.Phase:
             entries = [entry for entry in self.entries if entry.item.phase is phase and not self._green(entry)]
             if not entries:
                 continue
@@ -250,22 +260,22 @@ class CheckWorkflow:
                 self._phase(prompt, entries)
             before = phase
 
-    def _phase(self, prompt: Prompt, entries: Sequence[PlanEntry]) -> None:
+    def _phase(self, prompt: Prompt, entries: Sequence[checklist.PlanEntry]) -> None:
         self._examine(self._unseen(entries), {})
         for entry in entries:
             self._visit(prompt, entry, partial(self._settle, prompt, entry))
 
-    def _settle(self, prompt: Prompt, entry: PlanEntry) -> None:
+    def _settle(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
         """Ask what one item needs."""
         is_requested = self._open(entry)
-        if entry.item.kind is ItemKind.PERSON and is_requested:
+        if entry.item.kind is report.ItemKind.PERSON and is_requested:
             confirm(self.book, prompt, entry)
-        elif entry.item.kind is ItemKind.ACTIVE and is_requested:
+        elif entry.item.kind is report.ItemKind.ACTIVE and is_requested:
             self._act(prompt, entry)
         if not self._open(entry):
             mend(self.book, prompt, entry, partial(self._again, prompt), read=is_requested)
 
-    def _visit(self, prompt: Prompt, entry: PlanEntry, ask: Callable[[], None]) -> None:
+    def _visit(self, prompt: Prompt, entry: checklist.PlanEntry, ask: Callable[[], None]) -> None:
         """Ask about one item; `back` begins it anew, at its first question it leads to the one before. Raises Later."""
         while True:
             prompt.begin(self._place(entry))
@@ -294,28 +304,28 @@ class CheckWorkflow:
         else:
             self._visit(prompt, entry, partial(correct, self.book, prompt, entry, partial(self._again, prompt)))
 
-    def _place(self, entry: PlanEntry) -> str:
+    def _place(self, entry: checklist.PlanEntry) -> str:
         """Which item of how many, in the order of the phases."""
-        order = sorted(self.entries, key=lambda each: tuple(Phase).index(each.item.phase))
+        order = sorted(self.entries, key=lambda each: tuple(report.Phase).index(each.item.phase))
         return translate(f"item {order.index(entry) + 1} of {len(order)}")
 
-    def _ready(self, prompt: Prompt, phase: Phase) -> bool:
+    def _ready(self, prompt: Prompt, phase: report.Phase) -> bool:
         while True:
             try:
                 return ready(prompt, phase)
             except PromptBack:
                 self.go_back(prompt)
 
-    def _unseen(self, entries: Sequence[PlanEntry]) -> list[PlanEntry]:
-        return [entry for entry in entries if entry.item.kind is ItemKind.AUTOMATIC and self._open(entry)]
+    def _unseen(self, entries: Sequence[checklist.PlanEntry]) -> list[checklist.PlanEntry]:
+        return [entry for entry in entries if entry.item.kind is report.ItemKind.AUTOMATIC and self._open(entry)]
 
-    def _again(self, prompt: Prompt, entry: PlanEntry) -> None:
-        if entry.item.kind is ItemKind.ACTIVE:
+    def _again(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
+        if entry.item.kind is report.ItemKind.ACTIVE:
             self._act(prompt, entry)
         else:
             self._examine([entry], {})
 
-    def _act(self, prompt: Prompt, entry: PlanEntry) -> None:
+    def _act(self, prompt: Prompt, entry: checklist.PlanEntry) -> None:
         """Ask for the word, say what the person does meanwhile, and look; not where the thing itself has failed."""
         sick = self._sick(entry)
         if sick is not None:
@@ -337,16 +347,20 @@ class CheckWorkflow:
             prompt.say(translate(f"  Now: {entry.step.consent.prompt}."))
         self._examine([entry], {entry.item.id: by}, is_paid=True)
 
-    def _sick(self, entry: PlanEntry) -> Item | None:
+    def _sick(self, entry: checklist.PlanEntry) -> report.Item | None:
         """What the tool has seen fail in the same cell: nobody is asked to move a stick of an armed vehicle."""
-        cell = [other for other in self.entries if other.cell == entry.cell and other.item.kind is ItemKind.AUTOMATIC]
+        cell = [
+            other for other in self.entries if other.cell == entry.cell and other.item.kind is report.ItemKind.AUTOMATIC
+        ]
         items = (self.book.item(other.item.id) for other in cell)
         return next((item for item in items if item.counts is Verdict.FAIL), None)
 
-    def _examine(self, entries: Sequence[PlanEntry], consents: Mapping[str, str], *, is_paid: bool = False) -> None:
+    def _examine(
+        self, entries: Sequence[checklist.PlanEntry], consents: Mapping[str, str], *, is_paid: bool = False
+    ) -> None:
         """`consents`: who has consented to which active item; `is_paid`: to its cost as well."""
 
-        def settle(item: Item) -> None:
+        def settle(item: report.Item) -> None:
             by = consents.get(item.id)
             self.show(self.book.settle(_with_consent(item, steps[item.id], by) if by is not None else item))
 
@@ -354,13 +368,15 @@ class CheckWorkflow:
         if entries:
             asyncio.run(examine(entries, self.ears.paid_ears if is_paid else self.ears.free, settle))
 
-    def _collect_consents(self, answers: Answers) -> dict[str, str]:
+    def _collect_consents(self, answers: checklist.Answers) -> dict[str, str]:
         """The active items that the answers consent to, and that are paid for or cost nothing."""
-        active_entries = [item for item in self.entries if item.item.kind is ItemKind.ACTIVE and not self._green(item)]
+        active_entries = [
+            item for item in self.entries if item.item.kind is report.ItemKind.ACTIVE and not self._green(item)
+        ]
         values = {entry.item.id: answers.consents(entry.item.id) for entry in active_entries if not self._due(entry)}
         return {item_id: by for item_id, by in values.items() if by is not None}
 
-    def _due(self, entry: PlanEntry) -> bool:
+    def _due(self, entry: checklist.PlanEntry) -> bool:
         """Whether it costs what nobody has agreed to pay: a file of answers pays for nothing."""
         try:
             price = self.price(entry)
@@ -368,33 +384,33 @@ class CheckWorkflow:
             return True
         return price is not None and price.due
 
-    def _by_itself(self, entry: PlanEntry) -> bool:
+    def _by_itself(self, entry: checklist.PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
-        return item.kind is ItemKind.AUTOMATIC and item.override is None and not entry.step.unless
+        return item.kind is report.ItemKind.AUTOMATIC and item.override is None and not entry.step.unless
 
-    def _green(self, entry: PlanEntry) -> bool:
+    def _green(self, entry: checklist.PlanEntry) -> bool:
         return not self._open(entry) and self.book.item(entry.item.id).counts in GREEN
 
-    def _open(self, entry: PlanEntry) -> bool:
+    def _open(self, entry: checklist.PlanEntry) -> bool:
         item = self.book.item(entry.item.id)
         return item.open and item.override is None
 
 
-def _with_consent(item: Item, entry: PlanEntry, by: str) -> Item:
+def _with_consent(item: report.Item, entry: checklist.PlanEntry, by: str) -> report.Item:
     """Put the person's word among the evidence of an active item; `by`: who, and behind a colon in which words."""
     assert entry.step.consent is not None, "only active steps are consented to"  # noqa: S101 - Step holds it
     name, _, words = by.partition(": ")
     text = f"{entry.step.consent.question}{f' ({words})' if words else ''}"
-    word = Evidence(type=EvidenceType.CONFIRMED, what="consent", value=text, at=item.at, by=name)
+    word = report.Evidence(type=report.EvidenceType.CONFIRMED, what="consent", value=text, at=item.at, by=name)
     return item.model_copy(update={"evidence": (*item.evidence, word)})
 
 
-_PHASES: Mapping[Phase, str] = {
-    Phase.BENCH: "BENCH",
-    Phase.QUAY: "QUAY",
-    Phase.WATER: "IN WATER",
-    Phase.RECOVERY: "RECOVERY",
-    Phase.INTEGRATION: "INTEGRATION",
+_PHASES: Mapping[report.Phase, str] = {
+    report.Phase.BENCH: "BENCH",
+    report.Phase.QUAY: "QUAY",
+    report.Phase.WATER: "IN WATER",
+    report.Phase.RECOVERY: "RECOVERY",
+    report.Phase.INTEGRATION: "INTEGRATION",
 }
 T = TypeVar("T")
 LATER, BACK = "later", "back"
@@ -431,7 +447,7 @@ class Prompt:
         """Print lines, in the person's language already; what came from a device or a file cannot move the cursor."""
         self._say(_fit(printable.lines(text)))
 
-    def refuses(self, refusal: ChecklistUsageError) -> None:
+    def refuses(self, refusal: checklist.ChecklistUsageError) -> None:
         """Say why an answer is not taken, and what to do."""
         self.say(f"  {translate(str(refusal))}: {translate(refusal.hint or '')}")
 
@@ -494,8 +510,8 @@ class Prompt:
         """Who answers: asked once."""
         while not self._name:
             try:
-                name = clean_name(self.needs("Your name, as it shall stand in the report:"))
-            except ChecklistUsageError as refused:
+                name = confirmations.clean_name(self.needs("Your name, as it shall stand in the report:"))
+            except checklist.ChecklistUsageError as refused:
                 self.refuses(refused)
                 continue
             if (doubt := doubt_of_name(name)) is None or self.is_so(doubt):
@@ -504,11 +520,11 @@ class Prompt:
 
     def name_of(self, people: Sequence[str]) -> str:
         """Who answers: the person at the terminal, or, where others alone may, one of these. Raises Later, Back."""
-        if not people or refused_person(self.name, people, "answer") is None:
+        if not people or confirmations.refused_person(self.name, people, "answer") is None:
             return self.name
         while True:
             name = self.needs(f"Who of them is it: {', '.join(people)}?")
-            if (wrong := refused_person(name, people, "answer")) is None:
+            if (wrong := confirmations.refused_person(name, people, "answer")) is None:
                 return name
             self.say(translate(f"  {wrong[0]}"))
 
@@ -528,7 +544,9 @@ class Prompt:
         """Photos or files that show it; none with an empty answer, unless a photo is needed. Raises Later, Back."""
         files: list[Path] = []
         if photo:
-            while not is_photo(file := self._path(self.ask("Photo that shows it (a path of a JPEG or PNG):"))):
+            while not confirmations.is_photo(
+                file := self._path(self.ask("Photo that shows it (a path of a JPEG or PNG):"))
+            ):
                 words = f"  a photo is asked for: give the path of a JPEG or PNG; `{shown_word(LATER)}` leaves it open"
                 self.say(translate(words))
             files.append(file)
@@ -596,7 +614,7 @@ class Price:
     """Whether somebody has to agree to pay; in a rehearsal nobody has, nor where `--accept-cost` was typed."""
 
 
-def price_of(session: CommandSession, entry: PlanEntry) -> Price | None:
+def price_of(session: CommandSession, entry: checklist.PlanEntry) -> Price | None:
     """The price of an active step; None: it costs nothing. Raises CostRefused above the declared cap."""
     if entry.step.probe is None or entry.step.consent is None or not entry.step.consent.cost:
         return None

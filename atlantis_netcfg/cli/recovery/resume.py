@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
-from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
+from atlantis_netcfg.core import errors
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,25 +16,27 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run
     from atlantis_netcfg.runs.report.run import RunReport
 
-RESUME = CommandSpec(
+RESUME = syntax.CommandSpec(
     "resume",
     "go on with a run that was interrupted, from what the devices have kept",
-    group=Group.TROUBLE,
+    group=syntax.Group.TROUBLE,
     words=(
-        Word("site", "the site of the run", is_required=True, example="coastal"),
-        Word(
+        syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
+        syntax.Word(
             "run",
             "the run, as `provision runs` lists it; the latest unfinished one if left out",
             values=Values.RUN,
         ),
-        INVENTORY,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show what would change and what it costs, change nothing, wait for nothing", harmless=True),
-        Flag(
+        syntax.Flag(
+            "plan", "show what would change and what it costs, change nothing, wait for nothing", harmless=True
+        ),
+        syntax.Flag(
             "rehearse", "the same against emulated devices, first brought to their states before the run", harmless=True
         ),
-        *CHANGE,
+        *syntax.CHANGE,
     ),
     details=(
         "What a broken run has left open on a device is waited for first. `--plan` does not wait: it shows what "
@@ -48,7 +50,7 @@ RESUME = CommandSpec(
 )
 
 
-def run_resume(arguments: Arguments) -> ExitCode:
+def run_resume(arguments: syntax.Arguments) -> errors.ExitCode:
     """Wait until the devices have taken back what the broken run left open, then bring them to the declared state."""
     from atlantis_netcfg.cli.base.session import session
 
@@ -57,14 +59,14 @@ def run_resume(arguments: Arguments) -> ExitCode:
     with session(arguments) as site_session:
         try:
             broken = _broken(site_session.state, site_session.site, arguments.optional("run"))
-        except NoMatchError as nothing:
+        except errors.NoMatchError as nothing:
             report = _left_by_others(site_session, arguments.optional("run"), nothing)
         else:
             report = _resume(site_session, broken)
     return site_session.close(report)
 
 
-def _run_rehearsed(arguments: Arguments) -> ExitCode:
+def _run_rehearsed(arguments: syntax.Arguments) -> errors.ExitCode:
     """The same against emulated devices; the run is found before any of them is started."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
@@ -121,7 +123,7 @@ def _broken(state: Path, site: str, name: str | None, *, is_rehearsal: bool = Fa
         (runs for store in stores(state, is_rehearsal=is_rehearsal) if (runs := store.unfinished_runs(site))), ()
     )
     if not open_runs:
-        raise NoMatchError(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")
+        raise errors.NoMatchError(f"no run of {site} is unfinished", hint="`provision runs` lists all of them")
     return next((run for run in reversed(open_runs) if run.purpose is Purpose.CONFIGURE), open_runs[-1])
 
 
@@ -145,7 +147,7 @@ def _aim(session: CommandSession, broken: Run) -> None:
         session.back_to, session.restore = broken.start_record.back_to, broken.start_record.restore
 
 
-def _left_by_others(session: CommandSession, name: str | None, nothing: NoMatchError) -> RunReport:
+def _left_by_others(session: CommandSession, name: str | None, nothing: errors.NoMatchError) -> RunReport:
     """The journal here knows of nothing: look on the devices for what a run of another computer has left open.
 
     Raises `nothing` where there is nothing on them either.
@@ -167,12 +169,12 @@ def _left_by_others(session: CommandSession, name: str | None, nothing: NoMatchE
     if busy:
         session.narrow([*busy])
         return session.perform(Mode.RESUME, run=name)
-    if report.exit is ExitCode.CHANGES:
-        raise NoMatchError(
+    if report.exit is errors.ExitCode.CHANGES:
+        raise errors.NoMatchError(
             f"{nothing}, and nothing is open on its devices, which are not as declared",
             hint=f"to bring them there, type:  provision site={session.site}",
         )
-    if report.exit is ExitCode.DONE:
+    if report.exit is errors.ExitCode.DONE:
         raise nothing
     return report
 
@@ -188,7 +190,7 @@ def _refuse_others(broken: Run) -> None:
     }
     if broken.purpose in repeatable:
         what = repeatable[broken.purpose]
-        raise UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
+        raise errors.UsageError(f"run {broken.id} was {what}", hint=f"repeat it: `{broken.next_command}`")
 
 
 def _refuse_settled(broken: Run) -> None:
@@ -199,7 +201,7 @@ def _refuse_settled(broken: Run) -> None:
         or not broken.start_record.command.startswith("provision ")
     ):
         return
-    raise NoMatchError(
+    raise errors.NoMatchError(
         f"run {broken.id} has left nothing open on any device",
         hint=f"to bring them to where it was going, type its command again:  {broken.start_record.command}",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import CHANGE, INVENTORY, ONLY, YES, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.inventory_names import Values
 from atlantis_netcfg.core.language import translate
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from atlantis_netcfg.runs import Run
     from atlantis_netcfg.runs.report.run import RunReport
 
-ROLLBACK = CommandSpec(
+ROLLBACK = syntax.CommandSpec(
     "rollback",
     "put a site's devices back to what they were before a run",
-    group=Group.TROUBLE,
+    group=syntax.Group.TROUBLE,
     words=(
-        Word("site", "the site of the run", is_required=True, example="coastal"),
-        Word(
+        syntax.Word("site", "the site of the run", is_required=True, example="coastal"),
+        syntax.Word(
             "to",
             "the run, as `provision runs` lists it: its saved state is put back; `latest` is the newest that has one, "
             "rollbacks apart",
@@ -29,18 +29,18 @@ ROLLBACK = CommandSpec(
             example="latest",
             values=Values.RUN_OR_LATEST,
         ),
-        ONLY,
-        INVENTORY,
+        syntax.ONLY,
+        syntax.INVENTORY,
     ),
     flags=(
-        Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
-        Flag(
+        syntax.Flag("plan", "show what would change and what it costs, change nothing", harmless=True),
+        syntax.Flag(
             "rehearse",
             "the same against emulated devices, first brought to what the real ones were when they were last read back",
             harmless=True,
         ),
-        YES,
-        *CHANGE,
+        syntax.YES,
+        *syntax.CHANGE,
     ),
     details=(
         "Secrets are not in the saved state: what the device holds of them stays.\n"
@@ -53,7 +53,7 @@ ROLLBACK = CommandSpec(
 )
 
 
-def run_rollback(arguments: Arguments) -> ExitCode:
+def run_rollback(arguments: syntax.Arguments) -> ExitCode:
     """Show the way back, ask, then roll back every device of which the run has saved a state."""
     from atlantis_netcfg.cli.base.rehearsal import announce
     from atlantis_netcfg.cli.base.session import session
@@ -76,7 +76,7 @@ def run_rollback(arguments: Arguments) -> ExitCode:
     return site_session.close(report)
 
 
-def _choose_run(declaration: Declaration, arguments: Arguments) -> tuple[Run, tuple[Host, ...]]:
+def _choose_run(declaration: Declaration, arguments: syntax.Arguments) -> tuple[Run, tuple[Host, ...]]:
     """The run, and those of the hosts of which it has saved a state. Raises NothingMatched."""
     from atlantis_netcfg.cli.base.session import require_handled
     from atlantis_netcfg.core import paths

@@ -11,9 +11,8 @@ import re
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import FRAME, CommandSpec, Word
+from atlantis_netcfg.cli.base import inventory_names, syntax
 from atlantis_netcfg.cli.base.commands import DEFAULT, load
-from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, names
 from atlantis_netcfg.core import language
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.language import translate
@@ -73,7 +72,7 @@ def _commands(bare: Sequence[str], table: Mapping[str, str]) -> Iterator[Candida
     yield from meanings.items()
 
 
-def _of_command(command: CommandSpec, before: Sequence[str], current: str) -> Iterator[Candidate]:
+def _of_command(command: syntax.CommandSpec, before: Sequence[str], current: str) -> Iterator[Candidate]:
     """Its words and flags that are not given yet, or the values of the word that is being typed."""
     taking = {f"--{flag.name}" for flag in command.flags if flag.takes}
     if before and before[-1] in taking:
@@ -90,11 +89,11 @@ def _of_command(command: CommandSpec, before: Sequence[str], current: str) -> It
     ]
     yield from words
     if current.startswith("-") or not words:
-        flags = ((f"--{flag.name}", translate(flag.help)) for flag in (*command.flags, *FRAME))
+        flags = ((f"--{flag.name}", translate(flag.help)) for flag in (*command.flags, *syntax.FRAME))
         yield from ((flag, text) for flag, text in flags if flag not in used_names)
 
 
-def _values(word: Word, value: str, before: Sequence[str]) -> Iterator[Candidate]:
+def _values(word: syntax.Word, value: str, before: Sequence[str]) -> Iterator[Candidate]:
     """The values of a word; of a list the last one is completed, and those that stand there already are left out."""
     head = value.rpartition(",")[0] if word.many else ""
     used_values = head.split(",")
@@ -104,15 +103,17 @@ def _values(word: Word, value: str, before: Sequence[str]) -> Iterator[Candidate
             yield f"{start}{candidate}", meaning
 
 
-def _value_candidates(word: Word, before: Sequence[str]) -> Iterator[Candidate]:
+def _value_candidates(word: syntax.Word, before: Sequence[str]) -> Iterator[Candidate]:
     yield from ((choice, "") for choice in word.choices)
     site = next((argument.partition("=")[2] for argument in before if argument.startswith("site=")), "")
-    if word.value_kind in {Values.RUN, Values.RUN_OR_LATEST}:
-        if word.value_kind is Values.RUN_OR_LATEST:
+    if word.value_kind in {inventory_names.Values.RUN, inventory_names.Values.RUN_OR_LATEST}:
+        if word.value_kind is inventory_names.Values.RUN_OR_LATEST:
             yield "latest", translate("the newest one that has a state")
         yield from ((run, "") for run in _runs(site))
     elif word.value_kind is not None:
-        yield from ((name, "") for name in names(folder_of(before), word.value_kind, site))
+        yield from (
+            (name, "") for name in inventory_names.names(inventory_names.folder_of(before), word.value_kind, site)
+        )
 
 
 def _runs(site: str) -> list[str]:

@@ -7,13 +7,9 @@ Words, flags, choices, sites, devices, vehicles, partners and runs are those of 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import CommandSpec, Group
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.core.errors import ExitCode
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.cli.base.arguments import Arguments
 
 
 def _print(shell: str) -> ExitCode:
@@ -21,40 +17,40 @@ def _print(shell: str) -> ExitCode:
     return ExitCode.DONE
 
 
-COMPLETION_BASH = CommandSpec(
+COMPLETION_BASH = syntax.CommandSpec(
     "completion bash",
     "print a script that completes lines in bash",
-    group=Group.LAPTOP,
+    group=syntax.Group.LAPTOP,
     details="For this window: `source <(./provision completion bash)`. For every window see docs/completion.md.",
 )
 
 
-def run_completion_bash(_arguments: Arguments) -> ExitCode:
+def run_completion_bash(_arguments: syntax.Arguments) -> ExitCode:
     """Print the script."""
     return _print("bash")
 
 
-COMPLETION_ZSH = CommandSpec(
+COMPLETION_ZSH = syntax.CommandSpec(
     "completion zsh",
     "print a script that completes lines in zsh",
-    group=Group.LAPTOP,
+    group=syntax.Group.LAPTOP,
     details="For this window: `source <(./provision completion zsh)`, after `compinit`.",
 )
 
 
-def run_completion_zsh(_arguments: Arguments) -> ExitCode:
+def run_completion_zsh(_arguments: syntax.Arguments) -> ExitCode:
     """Print the script."""
     return _print("zsh")
 
 
-COMPLETION_FISH = CommandSpec(
+COMPLETION_FISH = syntax.CommandSpec(
     "completion fish",
     "print a script that completes lines in fish",
-    group=Group.LAPTOP,
+    group=syntax.Group.LAPTOP,
     details="For this window: `./provision completion fish | source`.",
 )
 
 
-def run_completion_fish(_arguments: Arguments) -> ExitCode:
+def run_completion_fish(_arguments: syntax.Arguments) -> ExitCode:
     """Print the script."""
     return _print("fish")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import FRAME, CommandSpec, Group
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.base.syntax import FRAME, CommandSpec, Group
 from atlantis_netcfg.cli.help import MEANING, group_commands, word_text
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.language import translate
@@ -13,7 +13,7 @@ from atlantis_netcfg.core.language import translate
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.syntax import Arguments
 
 MAN = CommandSpec(
     "man",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, Flag, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
@@ -41,18 +41,20 @@ __all__ = [
 ]
 
 
-AUTHORITY = Word("authority", "folder of the authority; `vpn` in the state directory if left out")
-CLOCK = Word(
+AUTHORITY = syntax.Word("authority", "folder of the authority; `vpn` in the state directory if left out")
+CLOCK = syntax.Word(
     "clock",
     "`right`: this computer's clock is right, although the record's last entry is later",
     choices=("right",),
 )
 AGAIN = "what was recorded stands: type the same again, or look with `provision vpn status`"
 """After Ctrl-C."""
-NO_PUSH = Flag("no-push", "only record it and make the files; `provision vpn sync` brings it to the server later")
+NO_PUSH = syntax.Flag(
+    "no-push", "only record it and make the files; `provision vpn sync` brings it to the server later"
+)
 
 
-def folder(arguments: Arguments) -> Path:
+def folder(arguments: syntax.Arguments) -> Path:
     """The folder of the authority, whether it is there or not."""
     from pathlib import Path
 
@@ -62,21 +64,21 @@ def folder(arguments: Arguments) -> Path:
     return Path(authority_name).absolute() if authority_name is not None else paths.state_dir() / "vpn"
 
 
-def open_authority(arguments: Arguments) -> Authority:
+def open_authority(arguments: syntax.Arguments) -> Authority:
     """The authority. Raises NoAuthority."""
     from atlantis_netcfg.vpn.authority.authority import Authority
 
     return Authority.open(folder(arguments))
 
 
-def load_declaration(arguments: Arguments) -> Declaration:
+def load_declaration(arguments: syntax.Arguments) -> Declaration:
     """The whole pilot, checked; vaulted values stay sealed."""
     from pathlib import Path
 
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import load
 
-    inventory_name = arguments.optional(INVENTORY.name)
+    inventory_name = arguments.optional(syntax.INVENTORY.name)
     return load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
 
 
@@ -95,25 +97,25 @@ def who() -> str:
     return f"{name}@{socket.gethostname()}"
 
 
-def operator(arguments: Arguments, authority: Authority) -> OperatorContext:
+def operator(arguments: syntax.Arguments, authority: Authority) -> OperatorContext:
     """Who signs, on this command line."""
     from atlantis_netcfg.vpn.members import OperatorContext
 
     return OperatorContext(authority, who(), waiting(arguments), trust_clock=arguments.optional(CLOCK.name) is not None)
 
 
-def waiting(arguments: Arguments) -> Callable[[str], None]:
+def waiting(arguments: syntax.Arguments) -> Callable[[str], None]:
     """What tells a person that somebody else has the authority's lock."""
 
     def tell_person(words: str) -> None:
-        if not arguments.flag(JSON.name):
+        if not arguments.flag(syntax.JSON.name):
             print(translate(words), file=sys.stderr, flush=True)
 
     return tell_person
 
 
 def tell(
-    arguments: Arguments,
+    arguments: syntax.Arguments,
     code: ExitCode,
     values: Mapping[str, Any],
     lines: Iterable[str],
@@ -125,7 +127,7 @@ def tell(
     words = output.carried_words(arguments)
     for error in errors:
         error.hint = error.hint and output.as_typed(error.hint, words)
-    if arguments.flag(JSON.name):
+    if arguments.flag(syntax.JSON.name):
         rows = [{"message": str(error), "hint": error.hint} for error in errors]
         print(json_text({"exit": int(code), "errors": rows, **values}))
         return code
@@ -145,7 +147,7 @@ def table(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def server(arguments: Arguments, declaration: Declaration) -> Server:
+def server(arguments: syntax.Arguments, declaration: Declaration) -> Server:
     """The server, or with `--no-push` nobody. Raises UsageError for example values, which lead to nobody's server."""
     from atlantis_netcfg.operations.vpn.server import NoPush, RemoteServer, over_ssh
 
@@ -160,7 +162,7 @@ def site(declaration: Declaration) -> str:
     return declaration.hosts[declaration.pilot.vpn.server].site
 
 
-def request(arguments: Arguments) -> Request:
+def request(arguments: syntax.Arguments) -> Request:
     """What the declaration does not say: here, which authority is meant."""
     import shlex
 

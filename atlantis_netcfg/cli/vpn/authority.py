@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY
 
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Certificate, Member
 
 
-VPN_INIT = CommandSpec(
+VPN_INIT = syntax.CommandSpec(
     "vpn init",
     "make the VPN's authority: a CA whose key is sealed with a passphrase, and the server's certificate",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
+        syntax.Word("sealed", "how the CA key is sealed; age if left out", choices=("age", "vault")),
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(PASSPHRASE_FD, JSON),
+    flags=(PASSPHRASE_FD, syntax.JSON),
     details=(
         "Once for a pilot, on one computer. Without the passphrase nobody can onboard, renew or revoke, and nobody can "
         "get it back; `docs/vpn.md` says what to copy where."
@@ -34,7 +34,7 @@ VPN_INIT = CommandSpec(
 )
 
 
-def run_vpn_init(arguments: Arguments) -> ExitCode:
+def run_vpn_init(arguments: syntax.Arguments) -> ExitCode:
     """Make it, unless it is there."""
     from atlantis_netcfg.cli.base.passphrase import choose_passphrase
     from atlantis_netcfg.cli.vpn import _common
@@ -77,16 +77,16 @@ def run_vpn_init(arguments: Arguments) -> ExitCode:
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
-VPN_AUDIT = CommandSpec(
+VPN_AUDIT = syntax.CommandSpec(
     "vpn audit",
     "tell who did what with the VPN's members, and whether the record is as the CA key signed it",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
-        Word("partner", "only what concerns the devices of this partner", example="iqua"),
+        syntax.Word("since", "only from this day on, or of so many days or weeks", example="2026-11-01"),
+        syntax.Word("partner", "only what concerns the devices of this partner", example="iqua"),
         AUTHORITY,
     ),
-    flags=(JSON,),
+    flags=(syntax.JSON,),
     details=(
         "The record is compared with its signature, the certificates and the revocation list. Exit code 6 says that "
         "something does not agree: it was changed by something else than provision, or is damaged, or not whole."
@@ -94,7 +94,7 @@ VPN_AUDIT = CommandSpec(
 )
 
 
-def run_vpn_audit(arguments: Arguments) -> ExitCode:
+def run_vpn_audit(arguments: syntax.Arguments) -> ExitCode:
     """Tell the entries, oldest first."""
     from atlantis_netcfg.cli.vpn import _common
     from atlantis_netcfg.core.errors import ExitCode
@@ -118,16 +118,16 @@ def run_vpn_audit(arguments: Arguments) -> ExitCode:
     )
 
 
-VPN_LIST = CommandSpec(
+VPN_LIST = syntax.CommandSpec(
     "vpn list",
     "list who is in the VPN, and until when",
-    group=Group.VPN,
-    words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
-    flags=(JSON,),
+    group=syntax.Group.VPN,
+    words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY),
+    flags=(syntax.JSON,),
 )
 
 
-def run_vpn_list(arguments: Arguments) -> ExitCode:
+def run_vpn_list(arguments: syntax.Arguments) -> ExitCode:
     """List them, in the order of their onboarding."""
     from datetime import UTC, datetime
 
@@ -157,16 +157,16 @@ def run_vpn_list(arguments: Arguments) -> ExitCode:
     return _common.tell(arguments, ExitCode.DONE, values, _common.table(rows))
 
 
-VPN_SHOW = CommandSpec(
+VPN_SHOW = syntax.CommandSpec(
     "vpn show",
     "show one member of the VPN with its certificates",
-    group=Group.VPN,
-    words=(Word("name", "the member", is_required=True, example="iqua-sparus2"), AUTHORITY),
-    flags=(JSON,),
+    group=syntax.Group.VPN,
+    words=(syntax.Word("name", "the member", is_required=True, example="iqua-sparus2"), AUTHORITY),
+    flags=(syntax.JSON,),
 )
 
 
-def run_vpn_show(arguments: Arguments) -> ExitCode:
+def run_vpn_show(arguments: syntax.Arguments) -> ExitCode:
     """Show it."""
     from datetime import UTC, datetime
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.cli.base.arguments import INVENTORY, JSON, Arguments, CommandSpec, Flag, Group, Word
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
 from atlantis_netcfg.core.language import translate
@@ -25,49 +25,51 @@ if TYPE_CHECKING:
 
 
 _CLIENT = (
-    Word(
+    syntax.Word(
         "system",
         "what starts its tunnel. A robot: linux. A laptop: linux, ubuntu-desktop, windows, macos, android, ios; "
         "without this word its page has the steps of all. A router: routeros",
         example="windows",
     ),
-    Word(
+    syntax.Word(
         "distribution",
         "its ROS 2: foxy, humble or jazzy; the declaration's if left out (vehicles.yml, then pilot.yml)",
         example="foxy",
     ),
-    Word(
+    syntax.Word(
         "openvpn",
         "its OpenVPN: 2.4, 2.5, 2.6 or 2.7; the declaration's, or that of the Ubuntu of its ROS 2, if left out",
         example="2.4",
     ),
 )
 
-VPN_ONBOARD = CommandSpec(
+VPN_ONBOARD = syntax.CommandSpec(
     "vpn onboard",
     "let a device into the VPN: a fixed address, a certificate, and one sealed file to hand out",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("partner", "whose device it is", example="iqua"),
-        Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
-        Word("kind", "what it is: robot, laptop or router", example="robot"),
-        Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
-        Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
-        Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
-        Word("link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"),
+        syntax.Word("partner", "whose device it is", example="iqua"),
+        syntax.Word("device", "what it is called; the member is then PARTNER-DEVICE", example="sparus2"),
+        syntax.Word("kind", "what it is: robot, laptop or router", example="robot"),
+        syntax.Word("host", "a declared computer instead, by its name in the inventory", example="coastal-gateway"),
+        syntax.Word("batch", "a list of many, .yml or .csv, with these words for keys or columns", example="iqua.yml"),
+        syntax.Word("vehicle", "the robot's key in vehicles.yml; by default the vehicle of the device's name"),
+        syntax.Word(
+            "link", "what carries its tunnel at worst: fibre (if left out), 4g, satellite", example="satellite"
+        ),
         *_CLIENT,
-        Word("wrap", "tls-crypt-v2, or tls-crypt for OpenVPN 2.4; what its OpenVPN can read if left out"),
-        Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
-        Word("days", "how long the certificate is good; 397 if left out", example="90"),
-        Word("address", "a fixed address of the partner's pool; the next free one if left out"),
-        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("wrap", "tls-crypt-v2, or tls-crypt for OpenVPN 2.4; what its OpenVPN can read if left out"),
+        syntax.Word("key", "ec (if left out) or rsa; routers get rsa", example="rsa"),
+        syntax.Word("days", "how long the certificate is good; 397 if left out", example="90"),
+        syntax.Word("address", "a fixed address of the partner's pool; the next free one if left out"),
+        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
+    flags=(NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "Repeating it makes nothing new; a different request for the same name is refused. Exit code 5: all is "
         "recorded and handed out, but the server does not have it yet: `provision vpn sync` goes on."
@@ -77,7 +79,7 @@ VPN_ONBOARD = CommandSpec(
 )
 
 
-def run_vpn_onboard(arguments: Arguments) -> ExitCode:
+def run_vpn_onboard(arguments: syntax.Arguments) -> ExitCode:
     """Check everything, issue, hand out, tell the server."""
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
@@ -100,7 +102,7 @@ def run_vpn_onboard(arguments: Arguments) -> ExitCode:
     return close(arguments, declaration, packages, server, authority)
 
 
-def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
+def _device_words(arguments: syntax.Arguments) -> Sequence[DeviceWords]:
     """What was asked for: the words, or the records of a file. Raises UsageError, ListInvalid."""
     from pathlib import Path
 
@@ -121,33 +123,33 @@ def _device_words(arguments: Arguments) -> Sequence[DeviceWords]:
     return [DeviceWords(**{**common, **row.values, "place": row.place}) for row in rows]
 
 
-VPN_RENEW = CommandSpec(
+VPN_RENEW = syntax.CommandSpec(
     "vpn renew",
     "give members a new certificate; the old one works until the server has seen the new one",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("name", "the member", example="iqua-sparus2"),
-        Word("all", "every member whose certificate ends within this time", example="30d"),
-        Word("days", "how long the new one is good; 397 if left out", example="90"),
+        syntax.Word("name", "the member", example="iqua-sparus2"),
+        syntax.Word("all", "every member whose certificate ends within this time", example="30d"),
+        syntax.Word("days", "how long the new one is good; 397 if left out", example="90"),
         *_CLIENT,
-        Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out, where its OpenVPN can read that"),
-        Word("key", "ec or rsa; as before if left out"),
-        Word("link", "what carries its tunnel at worst; as before if left out"),
-        Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
-        Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
-        Word("to", "also put the file into this folder", example="/media/usb"),
+        syntax.Word("wrap", "tls-crypt-v2 or tls-crypt; as before if left out, where its OpenVPN can read that"),
+        syntax.Word("key", "ec or rsa; as before if left out"),
+        syntax.Word("link", "what carries its tunnel at worst; as before if left out"),
+        syntax.Word("recipient", "seal the file to this age key, or to the one in this file, not with a passphrase"),
+        syntax.Word("contact", "whom its owner calls, for the page of instructions", example="'Ana, +351 210 000 000'"),
+        syntax.Word("to", "also put the file into this folder", example="/media/usb"),
         CLOCK,
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(NO_PUSH, PASSPHRASE_FD, JSON),
+    flags=(NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details="A successor that was handed out before and never used is revoked: one is under way at a time.",
     changes=True,
     again=AGAIN,
 )
 
 
-def run_vpn_renew(arguments: Arguments) -> ExitCode:
+def run_vpn_renew(arguments: syntax.Arguments) -> ExitCode:
     """Choose the members, issue, hand out, tell the server."""
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
     from atlantis_netcfg.cli.vpn import _common
@@ -174,7 +176,7 @@ def run_vpn_renew(arguments: Arguments) -> ExitCode:
     return close(arguments, declaration, packages, server, authority)
 
 
-def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
+def _members_to_renew(arguments: syntax.Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from datetime import UTC, datetime
 
     from atlantis_netcfg.core.errors import NoMatchError, UsageError
@@ -194,19 +196,19 @@ def _members_to_renew(arguments: Arguments, membership: MembershipList) -> tuple
     return due
 
 
-VPN_REVOKE = CommandSpec(
+VPN_REVOKE = syntax.CommandSpec(
     "vpn revoke",
     "put members out of the VPN for good: list, session and connections, and ask the server whether they are dead",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("name", "the member", example="iqua-sparus2"),
-        Word("partner", "every device of this partner", example="iqua"),
-        Word("reason", "for the record, one line", example="stolen"),
+        syntax.Word("name", "the member", example="iqua-sparus2"),
+        syntax.Word("partner", "every device of this partner", example="iqua"),
+        syntax.Word("reason", "for the record, one line", example="stolen"),
         CLOCK,
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, JSON),
+    flags=(syntax.Flag("yes", "do not ask before they are cut off"), NO_PUSH, PASSPHRASE_FD, syntax.JSON),
     details=(
         "A name never returns. Exit code 5 says that it is recorded, and that the server did not answer: whoever is "
         "connected stays so until `provision vpn sync` has reached it."
@@ -216,7 +218,7 @@ VPN_REVOKE = CommandSpec(
 )
 
 
-def run_vpn_revoke(arguments: Arguments) -> ExitCode:
+def run_vpn_revoke(arguments: syntax.Arguments) -> ExitCode:
     """Ask, record, publish the list, end the sessions, look."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
@@ -237,7 +239,7 @@ def run_vpn_revoke(arguments: Arguments) -> ExitCode:
     return close_revoked(arguments, revocation, cut)
 
 
-def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tuple[Member, ...]:
+def _members_to_revoke(arguments: syntax.Arguments, membership: MembershipList) -> tuple[Member, ...]:
     from atlantis_netcfg.core.errors import UsageError
     from atlantis_netcfg.vpn.reports import find, of_partner
 
@@ -249,7 +251,7 @@ def _members_to_revoke(arguments: Arguments, membership: MembershipList) -> tupl
     return (find(membership, name),) if name is not None else of_partner(membership, partner)
 
 
-def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
+def _agree(arguments: syntax.Arguments, members: tuple[Member, ...]) -> None:
     """Show what will be cut, and return when a person agrees. Raises Declined, UsageError."""
     from atlantis_netcfg.cli.base.consent import require_agreement
     from atlantis_netcfg.vpn.reports import when
@@ -269,23 +271,23 @@ def _agree(arguments: Arguments, members: tuple[Member, ...]) -> None:
     )
 
 
-VPN_ACCEPT = CommandSpec(
+VPN_ACCEPT = syntax.CommandSpec(
     "vpn accept",
     "take a computer's identity out of its hand-out, so that `provision site=…` can bring it there",
-    group=Group.VPN,
+    group=syntax.Group.VPN,
     words=(
-        Word("file", "the sealed hand-out", is_required=True, example="coastal-gateway.tar.age"),
-        Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
+        syntax.Word("file", "the sealed hand-out", is_required=True, example="coastal-gateway.tar.age"),
+        syntax.Word("key", "file (mode 0600) with your age key, where it was sealed to that", example="age.key"),
         AUTHORITY,
-        INVENTORY,
+        syntax.INVENTORY,
     ),
-    flags=(PASSPHRASE_FD, JSON),
+    flags=(PASSPHRASE_FD, syntax.JSON),
     details="For a laptop without the authority: the identity is kept in the folder `hosts` of it, mode 0600.",
 )
 _LARGEST = 1_000_000
 
 
-def run_vpn_accept(arguments: Arguments) -> ExitCode:
+def run_vpn_accept(arguments: syntax.Arguments) -> ExitCode:
     """Open it, check it, keep it."""
     from datetime import UTC, datetime
     from pathlib import Path
@@ -314,7 +316,7 @@ def run_vpn_accept(arguments: Arguments) -> ExitCode:
     return _common.tell(arguments, ExitCode.DONE, values, lines)
 
 
-def _opener(arguments: Arguments) -> Secret:
+def _opener(arguments: syntax.Arguments) -> Secret:
     """The key out of its file, or the passphrase."""
     from pathlib import Path
 
@@ -348,7 +350,7 @@ def _bytes(path: Path, what: str) -> bytes:
     return data
 
 
-def handout_target(arguments: Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
+def handout_target(arguments: syntax.Arguments, recipients: Mapping[str, str]) -> HandoutTarget:
     """How hand-outs leave. Raises UsageError for a folder that is none, and a contact that is no line."""
     from pathlib import Path
 
@@ -358,7 +360,7 @@ def handout_target(arguments: Arguments, recipients: Mapping[str, str]) -> Hando
     return HandoutTarget(recipients, Path(to) if to is not None else None, contact if contact is not None else CONTACT)
 
 
-def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
+def hold(arguments: syntax.Arguments, server: Server, authority: Authority) -> None:
     """Hold the record against the server, before anything is signed. Raises RecordOlder."""
     from atlantis_netcfg.cli.base.output import progress
 
@@ -367,7 +369,7 @@ def hold(arguments: Arguments, server: Server, authority: Authority) -> None:
 
 
 def close(  # noqa: PLR0913 - one end of three commands
-    arguments: Arguments,
+    arguments: syntax.Arguments,
     declaration: Declaration,
     packages: Sequence[HandedOut],
     server: Server,
@@ -390,7 +392,7 @@ def close(  # noqa: PLR0913 - one end of three commands
     return _common.tell(arguments, deployment.exit, values, deployment.lines, deployment.errors)
 
 
-def _deploy(arguments: Arguments, server: Server, authority: Authority) -> DeployResult:
+def _deploy(arguments: syntax.Arguments, server: Server, authority: Authority) -> DeployResult:
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.vpn._common import AGAIN
     from atlantis_netcfg.core.errors import OutcomeUnknown
@@ -454,7 +456,7 @@ def bringing(declaration: Declaration, member: Member) -> str:
     return f"provision site={declaration.hosts[member.name].site} only={member.name}"
 
 
-def close_revoked(arguments: Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:
+def close_revoked(arguments: syntax.Arguments, revocation: RevocationResult, deployment: DeployResult) -> ExitCode:
     """Tell who is out, and by which evidence."""
     from atlantis_netcfg.cli.vpn import _common
 
@@ -469,7 +471,7 @@ def close_revoked(arguments: Arguments, revocation: RevocationResult, deployment
 
 
 def close_synced(
-    arguments: Arguments, deployment: DeployResult, site: str | None, taken_names: Sequence[str] | None = None
+    arguments: syntax.Arguments, deployment: DeployResult, site: str | None, taken_names: Sequence[str] | None = None
 ) -> ExitCode:
     """Tell what the server was brought to; `site` is where it stands, if it has a new certificate to get there.
 

@@ -11,18 +11,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import (
-    ACCEPT_COST,
-    ASK_VAULT_PASS,
-    INVENTORY,
-    JSON,
-    PROFILE,
-    VIA,
-    CommandSpec,
-    Flag,
-    Group,
-    Word,
-)
+from atlantis_netcfg.cli.base import syntax
 from atlantis_netcfg.cli.base.output import json_text
 from atlantis_netcfg.cli.base.passphrase import PASSPHRASE_FD
 from atlantis_netcfg.cli.vpn._common import AGAIN, AUTHORITY, CLOCK, NO_PUSH
@@ -33,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.cli.base.arguments import Arguments
     from atlantis_netcfg.cli.base.session import CommandSession
     from atlantis_netcfg.core.errors import ExitCode
     from atlantis_netcfg.operations.vpn.router import InstalledIdentity
@@ -41,19 +29,24 @@ if TYPE_CHECKING:
     from atlantis_netcfg.vpn.identity import Member
 
 
-VPN_INSTALL = CommandSpec(
+VPN_INSTALL = syntax.CommandSpec(
     "vpn install",
     "bring a site's router into the VPN: its certificate, its keys and its client, as far as its RouterOS can",
-    group=Group.VPN,
-    words=(Word("host", "the router", is_required=True, example="coastal-router"), VIA, AUTHORITY, INVENTORY),
+    group=syntax.Group.VPN,
+    words=(
+        syntax.Word("host", "the router", is_required=True, example="coastal-router"),
+        syntax.VIA,
+        AUTHORITY,
+        syntax.INVENTORY,
+    ),
     flags=(
-        Flag("plan", "say what would be done, change nothing", harmless=True),
-        Flag("rehearse", "the same against an emulated router", harmless=True),
-        PROFILE,
-        Flag("yes", "do not ask before changing the router"),
-        ACCEPT_COST,
-        ASK_VAULT_PASS,
-        JSON,
+        syntax.Flag("plan", "say what would be done, change nothing", harmless=True),
+        syntax.Flag("rehearse", "the same against an emulated router", harmless=True),
+        syntax.PROFILE,
+        syntax.Flag("yes", "do not ask before changing the router"),
+        syntax.ACCEPT_COST,
+        syntax.ASK_VAULT_PASS,
+        syntax.JSON,
     ),
     details=(
         "Takes the identity that `provision vpn onboard host=…` or `provision vpn accept` has left on this computer. "
@@ -64,7 +57,7 @@ VPN_INSTALL = CommandSpec(
 )
 
 
-def run_vpn_install(arguments: Arguments) -> ExitCode:
+def run_vpn_install(arguments: syntax.Arguments) -> ExitCode:
     """Look, ask, install, read back."""
     from pathlib import Path
 
@@ -72,13 +65,13 @@ def run_vpn_install(arguments: Arguments) -> ExitCode:
     from atlantis_netcfg.core import paths
     from atlantis_netcfg.inventory import ALL, choose, load
 
-    inventory_name = arguments.optional(INVENTORY.name)
+    inventory_name = arguments.optional(syntax.INVENTORY.name)
     declaration = load(Path(inventory_name) if inventory_name else paths.checkout() / "inventory")
     (host,) = choose(declaration, ALL, [arguments.word("host")])
     with session(
         arguments,
         rehearse=arguments.flag("rehearse"),
-        via=arguments.optional(VIA.name),
+        via=arguments.optional(syntax.VIA.name),
         site=host.site,
         choose_hosts=lambda inventory: choose(inventory, ALL, [host.name]),
     ) as site_session:
@@ -125,16 +118,20 @@ def _show(session: CommandSession, result: InstalledIdentity) -> None:
             print(f"  {printable.below(translate(line), 4)}", flush=True)
 
 
-VPN_SYNC = CommandSpec(
+VPN_SYNC = syntax.CommandSpec(
     "vpn sync",
     "bring the server to what is recorded: members, list, firewall, and sessions that must end",
-    group=Group.VPN,
-    words=(CLOCK, AUTHORITY, INVENTORY),
+    group=syntax.Group.VPN,
+    words=(CLOCK, AUTHORITY, syntax.INVENTORY),
     flags=(
-        Flag("sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"),
-        Flag("take-list", "with --sign: take over what the server's list revokes, as the newest copy of it is lost"),
+        syntax.Flag(
+            "sign", "also sign the list of revoked certificates anew, and the server's certificate where it is time"
+        ),
+        syntax.Flag(
+            "take-list", "with --sign: take over what the server's list revokes, as the newest copy of it is lost"
+        ),
         PASSPHRASE_FD,
-        JSON,
+        syntax.JSON,
     ),
     details=(
         "Needs no passphrase without `--sign`, which makes a list that is good for 90 days, and a certificate of the "
@@ -145,7 +142,7 @@ VPN_SYNC = CommandSpec(
 )
 
 
-def run_vpn_sync(arguments: Arguments) -> ExitCode:
+def run_vpn_sync(arguments: syntax.Arguments) -> ExitCode:
     """Push, end what must end, look."""
     from atlantis_netcfg.cli.base.output import progress
     from atlantis_netcfg.cli.base.passphrase import passphrase_prompt
@@ -180,12 +177,12 @@ def run_vpn_sync(arguments: Arguments) -> ExitCode:
     )
 
 
-VPN_STATUS = CommandSpec(
+VPN_STATUS = syntax.CommandSpec(
     "vpn status",
     "tell expiries, sessions, who was last seen when, what waits, and what differs at the server",
-    group=Group.VPN,
-    words=(Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, INVENTORY),
-    flags=(NO_PUSH, JSON),
+    group=syntax.Group.VPN,
+    words=(syntax.Word("partner", "only the devices of this partner", example="iqua"), AUTHORITY, syntax.INVENTORY),
+    flags=(NO_PUSH, syntax.JSON),
     details=(
         "Exit code 6: something must be done (a list or a certificate ends within 30 days or has ended, the server "
         "differs from the record, a revocation waits). 5: the server was not reached, so nobody knows."
@@ -193,7 +190,7 @@ VPN_STATUS = CommandSpec(
 )
 
 
-def run_vpn_status(arguments: Arguments) -> ExitCode:
+def run_vpn_status(arguments: syntax.Arguments) -> ExitCode:
     """Look at the record and at the server; whoever was seen is recorded."""
     from datetime import UTC, datetime
 

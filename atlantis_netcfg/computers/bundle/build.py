@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import urljoin, urlsplit
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.computers.bundle import resolve
 from atlantis_netcfg.computers.bundle.manifest import (
     KEY,
     MANIFEST,
@@ -38,7 +39,6 @@ from atlantis_netcfg.computers.bundle.manifest import (
     run,
 )
 from atlantis_netcfg.computers.bundle.requirements import BundleError
-from atlantis_netcfg.computers.bundle.resolve import DebFile, Root, index, read_package, sha256_of
 from atlantis_netcfg.core.paths import hold_own
 
 if TYPE_CHECKING:
@@ -313,7 +313,7 @@ class StagingDirectory:
             place.write_bytes(source)
         elif source != place:
             source.replace(place)
-        self.files[path] = BundleFile(path=path, size=place.stat().st_size, sha256=sha256_of(place))
+        self.files[path] = BundleFile(path=path, size=place.stat().st_size, sha256=resolve.sha256_of(place))
 
     def finish(self) -> None:
         """Remove what is not of the bundle, and let it take the place of an earlier one."""
@@ -468,7 +468,7 @@ def make(order: BundleOrder, signer: BundleSigner, tell: Tell, on_size: Callable
     return manifest
 
 
-def _fetch(root: Root, purpose: BundlePurpose, files: Sequence[DebFile], tell: Tell) -> None:
+def _fetch(root: resolve.Root, purpose: BundlePurpose, files: Sequence[resolve.DebFile], tell: Tell) -> None:
     words = f"fetching packages for {purpose.requirements.host}"
     root.fetch(_missing(purpose), files, lambda share: tell(words, share))
 
@@ -482,7 +482,7 @@ def _missing(purpose: BundlePurpose) -> list[PackageRequirement]:
     )
 
 
-def _root(work: StagingDirectory, purpose: BundlePurpose) -> Root:
+def _root(work: StagingDirectory, purpose: BundlePurpose) -> resolve.Root:
     request, target = purpose.requirements, purpose.target
     expected_release = (request.distribution or target.distribution, request.codename or target.codename)
     if expected_release != (target.distribution, target.codename):
@@ -493,24 +493,24 @@ def _root(work: StagingDirectory, purpose: BundlePurpose) -> Root:
     if purpose.archive is not None:
         source, key = purpose.archive
         request = replace(request, sources=(*request.sources, source), keys=(*request.keys, key))
-    root = Root.make(work.work / "hosts" / request.host, work.work, target, request)
+    root = resolve.Root.make(work.work / "hosts" / request.host, work.work, target, request)
     if _missing(purpose):
         root.update()
     return root
 
 
-def _size(roots: dict[str, Root], lacking: dict[str, tuple[DebFile, ...]]) -> BundleSize:
+def _size(roots: dict[str, resolve.Root], lacking: dict[str, tuple[resolve.DebFile, ...]]) -> BundleSize:
     files = {file.name: (root, file) for name, root in roots.items() for file in lacking[name]}
     missing = [file.size for root, file in files.values() if not root.has(file)]
     return BundleSize(len(files), sum(file.size for _, file in files.values()), sum(missing))
 
 
 def _packages(
-    work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, files: Sequence[DebFile]
+    work: StagingDirectory, signer: BundleSigner, purpose: BundlePurpose, files: Sequence[resolve.DebFile]
 ) -> HostPart:
     """Put a host's packages and their index into the bundle."""
     request, target = purpose.requirements, purpose.target
-    packages = [read_package(_archive_path(work, file), file.sha256) for file in files]
+    packages = [resolve.read_package(_archive_path(work, file), file.sha256) for file in files]
     current = {}
     for package, file in zip(packages, files, strict=True):
         path = f"pool/{package.file}"
@@ -522,7 +522,7 @@ def _packages(
                 hint="leave one of the sources out",
             )
         current[f"repository/{path}"] = path
-    for name, data in index(packages, target, signer).items():
+    for name, data in resolve.index(packages, target, signer).items():
         path = f"hosts/{request.host}/repository/{name}"
         work.add(path, data)
         current[f"repository/{name}"] = path
@@ -542,18 +542,18 @@ def _packages(
     )
 
 
-def _archive_path(work: StagingDirectory, file: DebFile) -> Path:
+def _archive_path(work: StagingDirectory, file: resolve.DebFile) -> Path:
     """Where a package file is: in apt's folder, or in the bundle already."""
     inside = f"pool/{_pool_name(file)}"
     return work.folder / inside if inside in work.files else work.work / "archives" / file.name
 
 
-def _pool_name(file: DebFile) -> str:
+def _pool_name(file: resolve.DebFile) -> str:
     """A package file's name in the bundle; apt writes the colon of an epoch as %3a."""
     return file.name.replace("%3a", "-")
 
 
-def _reuse(work: StagingDirectory, lacking: dict[str, tuple[DebFile, ...]]) -> None:
+def _reuse(work: StagingDirectory, lacking: dict[str, tuple[resolve.DebFile, ...]]) -> None:
     """Take what an earlier bundle in this place has, or one that was interrupted; what it is worth its hash says."""
     for file in {file.name: file for files in lacking.values() for file in files}.values():
         target = work.work / "archives" / file.name
@@ -583,7 +583,7 @@ def _hold_archives(requirements: HostRequirements) -> None:
         hint = f"the partner's archive belongs in {archive.path.parent}; `sha256sum` says which one it is"
         if not archive.path.is_file():
             raise BundleError(f"{requirements.host}: there is no {archive.path}", hint=hint)
-        if (digest := sha256_of(archive.path)) != archive.sha256:
+        if (digest := resolve.sha256_of(archive.path)) != archive.sha256:
             words = f"{archive.path} has the SHA-256 {digest}, and {archive.sha256} is declared"
             raise BundleError(f"{requirements.host}: {words}", hint=hint)
 
@@ -599,7 +599,11 @@ def _containers(work: StagingDirectory, part: HostPart, purpose: BundlePurpose) 
 def _copy(work: StagingDirectory, file: Path, path: str) -> None:
     """Copy a large file into the bundle, unless it stands there already."""
     place = work.folder / path
-    if not (place.is_file() and place.stat().st_size == file.stat().st_size and sha256_of(place) == sha256_of(file)):
+    if not (
+        place.is_file()
+        and place.stat().st_size == file.stat().st_size
+        and resolve.sha256_of(place) == resolve.sha256_of(file)
+    ):
         place.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(file, place)
     work.add(path, place)

@@ -6,8 +6,8 @@ import tarfile
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.computers.bundle import requirements
 from atlantis_netcfg.computers.bundle.manifest import KEY, MANIFEST, SIGNATURE, Manifest, read_manifest, signed_by
-from atlantis_netcfg.computers.bundle.requirements import BundleError, HostRequirements, join_errors
 from atlantis_netcfg.computers.bundle.resolve import sha256_of
 
 if TYPE_CHECKING:
@@ -52,7 +52,11 @@ def bytes_to_carry(bundle: Bundle, host: str, there: Collection[str] = ()) -> in
 
 
 def open_bundle(
-    folder: Path, keys: Keys, wishes: Sequence[HostRequirements] | None = None, *, accept: str | None = None
+    folder: Path,
+    keys: Keys,
+    wishes: Sequence[requirements.HostRequirements] | None = None,
+    *,
+    accept: str | None = None,
 ) -> Bundle:
     """Open a bundle for these hosts. Raises BundleRefused with everything that is wrong or missing.
 
@@ -66,7 +70,7 @@ def open_bundle(
     again = f"on a computer with internet: `provision bundle site={manifest.site}`"
     problems += [(words, again) for request in wishes or () for words in _missing_parts(manifest, request)]
     if problems:
-        raise join_errors(problems)
+        raise requirements.join_errors(problems)
     return bundle
 
 
@@ -74,29 +78,31 @@ def _verify_manifest(folder: Path, keys: Keys, accept: str | None) -> Manifest:
     try:
         data, signature, public = ((folder / name).read_bytes() for name in (MANIFEST, SIGNATURE, KEY))
     except OSError as error:
-        raise BundleError(
+        raise requirements.BundleError(
             f"{folder} is no bundle, or not a whole one: {error.filename}: {error.strerror}",
             hint="name the folder itself; `provision bundle site=…` makes one, and tells where it has put it",
         ) from error
     fingerprint = signed_by(data, signature, public)
     if fingerprint is None:
-        raise BundleError(
+        raise requirements.BundleError(
             f"the manifest of {folder} is not what was signed: it was damaged, or changed by somebody",
             hint="copy the bundle again, or make it anew",
         )
     if accept is not None and accept.replace(" ", "").upper() != fingerprint:
-        raise BundleError(
+        raise requirements.BundleError(
             f"{folder} was signed by key {fingerprint}, and not by {accept}", hint="ask again who made it, and how"
         )
     if accept is None and not keys.accepts(fingerprint):
-        raise BundleError(
+        raise requirements.BundleError(
             f"{folder} was signed on another computer, by key {fingerprint}",
             hint="let whoever made it read you the key; if it is this one:"
             f" `provision bundle site=… check={folder} key={fingerprint}`",
         )
     manifest = read_manifest(data, f"{folder}/{MANIFEST}")
     if manifest.key != fingerprint:
-        raise BundleError(f"the manifest of {folder} names another key than its own", hint="make the bundle anew")
+        raise requirements.BundleError(
+            f"the manifest of {folder} names another key than its own", hint="make the bundle anew"
+        )
     if accept is not None:
         keys.accept(fingerprint)
     return manifest
@@ -118,7 +124,7 @@ def _wrong(path: Path, file: BundleFile) -> str:
         return f"it cannot be read: {error.strerror or error}"
 
 
-def _missing_parts(manifest: Manifest, request: HostRequirements) -> Iterator[str]:
+def _missing_parts(manifest: Manifest, request: requirements.HostRequirements) -> Iterator[str]:
     part = manifest.hosts.get(request.host)
     if part is None:
         yield f"{request.host}: the bundle was made for {', '.join(manifest.hosts) or 'no host'}"
@@ -140,7 +146,7 @@ def _missing_parts(manifest: Manifest, request: HostRequirements) -> Iterator[st
             yield f"{request.host}: {archive.path.name} with the SHA-256 {archive.sha256}: {_other(None)}"
 
 
-def _libraries(part: HostPart, request: HostRequirements) -> Iterator[str]:
+def _libraries(part: HostPart, request: requirements.HostRequirements) -> Iterator[str]:
     for library in request.libraries:
         current = [each.revision for each in part.libraries if each.url == library.url]
         if library.revision not in current:

@@ -19,7 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
-from atlantis_netcfg.computers.bundle.manifest import BundleSigner, program, run
+from atlantis_netcfg.computers.bundle import manifest
 from atlantis_netcfg.computers.bundle.requirements import (
     BundleError,
     PackageSource,
@@ -139,7 +139,7 @@ class Root:
 
     def _download(self, package_names: list[str], tell: Callable[[float], None]) -> None:
         arguments = ["install", "--download-only", "-q", "-o", "APT::Status-Fd=1", *_INSTALL_OPTIONS, *package_names]
-        command = [program("apt-get"), *arguments]
+        command = [manifest.program("apt-get"), *arguments]
         lines: list[str] = []
         with subprocess.Popen(  # noqa: S603 - a program of the system, and names of packages
             command,
@@ -162,7 +162,7 @@ class Root:
             raise join_errors([(f"fetching failed: {line}", hint) for line in lines or ["apt-get said nothing"]])
 
     def _apt(self, *arguments: str) -> subprocess.CompletedProcess[bytes]:
-        return run(["apt-get", *arguments], self._environment())
+        return manifest.run(["apt-get", *arguments], self._environment())
 
     def _environment(self) -> dict[str, str]:
         import os  # noqa: PLC0415 - shadowed nowhere else
@@ -204,7 +204,7 @@ def _settings(root: Root, target: BundleTarget) -> str:
 
 def _proxies() -> str:
     """How this computer's apt reaches the internet."""
-    lines = run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
+    lines = manifest.run(["apt-config", "dump"]).stdout.decode(errors="replace").splitlines()
     return "".join(f"{line}\n" for line in lines if re.match(r'Acquire::https?::Proxy(::\S+)? ".+";', line))
 
 
@@ -249,7 +249,7 @@ class ResolvedPackage:
 
 def read_package(deb: Path, sha256: str) -> ResolvedPackage:
     """Look into a package file. Raises BundleRefused."""
-    process = run(["dpkg-deb", "--field", str(deb)])
+    process = manifest.run(["dpkg-deb", "--field", str(deb)])
     control = process.stdout.decode(errors="replace").rstrip()
     fields = next(paragraphs(control), {})
     if process.returncode != 0 or not {"Package", "Version", "Architecture"} <= fields.keys():
@@ -259,7 +259,7 @@ def read_package(deb: Path, sha256: str) -> ResolvedPackage:
     )
 
 
-def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: BundleSigner) -> dict[str, bytes]:
+def index(packages: Iterable[ResolvedPackage], target: BundleTarget, signer: manifest.BundleSigner) -> dict[str, bytes]:
     """The files of the index by name; packages are expected in `pool` beside them."""
     sorted_packages = sorted(packages, key=lambda each: (each.name, each.version, each.architecture))
     text = "\n".join(

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.image.facts import Edit, ImageDirectory, ImageError, ImageFile, ImageLink, Remove
+from atlantis_netcfg.computers.image import facts
 from atlantis_netcfg.core import temporary
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def require_tools(*names: str) -> None:
     if missing:
         tools, verb = " and ".join(f"`{name}`" for name in missing), "is" if len(missing) == 1 else "are"
         packages = " ".join(dict.fromkeys(PROGRAMS[name] for name in missing))
-        raise ImageError(f"{tools} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
+        raise facts.ImageError(f"{tools} {verb} not installed on this computer", hint=f"sudo apt install {packages}")
 
 
 def tool(name: str) -> str:
@@ -82,18 +82,20 @@ class Ext4:
         """Replay a journal that was left open. Raises ImageRefused where the file system is damaged."""
         process = self._run([tool("e2fsck"), "-p", self._where])
         if unknown := re.search(r"unsupported feature\(s\): ([\w ,]*\w)", process.stdout):
-            raise ImageError(
+            raise facts.ImageError(
                 f"the image's file system has features that e2fsprogs of this computer does not know: {unknown[1]}",
                 hint="work on a computer with a newer e2fsprogs, or take an older image of the vendor",
             )
         if process.returncode not in {0, _ERRORS_FIXED}:
-            raise ImageError(f"the image's file system is damaged: {_last(process.stdout)}", hint="fetch it again")
+            raise facts.ImageError(
+                f"the image's file system is damaged: {_last(process.stdout)}", hint="fetch it again"
+            )
 
     def hold_editable(self) -> None:
         """Hold that debugfs can edit the file system. Raises ImageRefused."""
         result = re.search(r"^Filesystem features:(.*)", self._ask("features"), re.MULTILINE)
         if features := sorted(_NOT_EDITED & {*(result[1].split() if result else ())}):
-            raise ImageError(
+            raise facts.ImageError(
                 f"the image's file system has the feature `{features[0]}`, which debugfs cannot edit", hint=_OTHER_IMAGE
             )
 
@@ -101,7 +103,7 @@ class Ext4:
         """Hold that the file system is clean. Raises ImageRefused."""
         process = self._run([tool("e2fsck"), "-fn", self._where])
         if process.returncode:
-            raise ImageError(f"the image's file system is damaged after customising: {_last(process.stdout)}")
+            raise facts.ImageError(f"the image's file system is damaged after customising: {_last(process.stdout)}")
 
     def status(self, path: str) -> FileStatus | None:
         """What stands at a path; None: nothing. Links on the way are not followed."""
@@ -139,14 +141,14 @@ class Ext4:
             status = self.status(path)
             if status is not None and status.kind == "symlink":
                 to = f" to {status.target}" if re.fullmatch(r"[A-Za-z0-9._@+~/-]+", status.target) else ""
-                raise ImageError(
+                raise facts.ImageError(
                     f"{path} of the image is a symbolic link{to}, and what lies behind a link is not edited",
                     hint="take an image of the vendor in which it is a file or a folder itself",
                 )
 
-    def apply(self, edits: Sequence[Edit]) -> None:
+    def apply(self, edits: Sequence[facts.Edit]) -> None:
         """Carry out the edits, check the file system, and read each edit back. Raises ImageRefused."""
-        above = [edit.path for edit in edits if isinstance(edit, ImageDirectory)] + [
+        above = [edit.path for edit in edits if isinstance(edit, facts.ImageDirectory)] + [
             _above(edit.path) for edit in edits
         ]
         self.hold_no_link(dict.fromkeys(above))
@@ -159,39 +161,39 @@ class Ext4:
         for edit in edits:
             self._verify(edit, _complaint(process.stdout))
 
-    def _commands(self, edit: Edit, number: int, scratch: Path) -> Iterator[str]:
+    def _commands(self, edit: facts.Edit, number: int, scratch: Path) -> Iterator[str]:
         path = _safe(edit.path)
         there = self.status(path)
-        if isinstance(edit, ImageDirectory):
+        if isinstance(edit, facts.ImageDirectory):
             if there is None:
                 yield f"mkdir {path}"
             yield from _attributes(path, _KINDS["directory"] | edit.mode, edit.owner)
             return
         if there is not None:
             if there.kind == "directory":
-                raise ImageError(f"the image has a directory at {path}, where a file is expected")
+                raise facts.ImageError(f"the image has a directory at {path}, where a file is expected")
             yield f"rm {path}"
-        if isinstance(edit, ImageFile):
+        if isinstance(edit, facts.ImageFile):
             (scratch / str(number)).write_bytes(edit.content)
             yield f"write {scratch / str(number)} {path}"
             yield from _attributes(path, _KINDS["regular"] | edit.mode, edit.owner)
-        elif isinstance(edit, ImageLink):
+        elif isinstance(edit, facts.ImageLink):
             yield f"symlink {path} {_safe_target(edit.target)}"
 
-    def _verify(self, edit: Edit, complaint: str) -> None:
+    def _verify(self, edit: facts.Edit, complaint: str) -> None:
         status = self.status(edit.path)
-        if isinstance(edit, Remove):
+        if isinstance(edit, facts.Remove):
             current = status is None
         elif status is None:
             current = False
-        elif isinstance(edit, ImageFile):
+        elif isinstance(edit, facts.ImageFile):
             current = self.read(edit.path) == edit.content and (status.mode, status.owner) == (edit.mode, edit.owner)
-        elif isinstance(edit, ImageDirectory):
+        elif isinstance(edit, facts.ImageDirectory):
             current = status.kind == "directory" and (status.mode, status.owner) == (edit.mode, edit.owner)
         else:
             current = status.kind == "symlink" and status.target == edit.target
         if not current:
-            raise ImageError(
+            raise facts.ImageError(
                 f"{edit.path} of the image could not be set: {complaint or 'what is read back is something else'}",
                 hint="the image's file system may be full; nothing was written to a card",
             )
@@ -221,13 +223,13 @@ def _attributes(path: str, mode: int, owner: tuple[int, int]) -> Iterator[str]:
 
 def _safe(path: str) -> str:
     if not _PATH.fullmatch(path) or ".." in PurePosixPath(path).parts:
-        raise ImageError(f"`{path}` cannot be the path of a file in an image")
+        raise facts.ImageError(f"`{path}` cannot be the path of a file in an image")
     return path
 
 
 def _safe_target(target: str) -> str:
     if not re.fullmatch(r"[A-Za-z0-9._@+~/-]{1,59}", target):  # 60 bytes and more are no fast link
-        raise ImageError(f"`{target}` cannot be the target of a link in an image")
+        raise facts.ImageError(f"`{target}` cannot be the target of a link in an image")
     return target
 
 
@@ -315,8 +317,8 @@ def find(image: Path, layout: DiskLayout) -> Places:
     return Places(starts[root], None if boot is None else FatAt(starts[boot]))
 
 
-def _other(layout: DiskLayout, why: str) -> ImageError:
-    return ImageError(
+def _other(layout: DiskLayout, why: str) -> facts.ImageError:
+    return facts.ImageError(
         f"the image is not of layout `{layout.name}`: {why}",
         hint=f"take the image of that board, or declare another `layout`: {', '.join(LAYOUTS)}",
     )
@@ -325,7 +327,7 @@ def _other(layout: DiskLayout, why: str) -> ImageError:
 def _only(ext4: list[int]) -> int:
     if len(ext4) != 1:
         finding = f"partitions {', '.join(map(str, ext4))} do" if ext4 else "none does"
-        raise ImageError(
+        raise facts.ImageError(
             f"one partition of the image must hold ext4, and {finding}", hint="declare the board's `layout`"
         )
     return ext4[0]
@@ -334,12 +336,12 @@ def _only(ext4: list[int]) -> int:
 def _partitions(start: bytes) -> dict[int, int]:
     """First bytes of the partitions by number, of an MBR (primary ones) or a GPT (UEFI 2.10, 5.3)."""
     if not _has(start, _BOOT_MAGIC):
-        raise ImageError("the image holds no partition table", hint="is it an image of a whole card?")
+        raise facts.ImageError("the image holds no partition table", hint="is it an image of a whole card?")
     rows = [_ENTRY.unpack_from(start, _TABLE + _ENTRY.size * row) for row in range(4)]
     if not any(row[2] == _GPT_PROTECTIVE for row in rows):
         return {number: row[4] * _SECTOR for number, row in enumerate(rows, 1) if row[2] and row[4]}
     if start[_SECTOR : _SECTOR + 8] != b"EFI PART":
-        raise ImageError("the GPT of the image is damaged", hint="fetch it again")
+        raise facts.ImageError("the GPT of the image is damaged", hint="fetch it again")
     where, count, size = struct.unpack_from("<QII", start, _SECTOR + 72)
     result = {}
     for row in range(min(count, 128)):

@@ -11,7 +11,7 @@ import subprocess
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.image.ext4 import DiskLayout, Ext4, find, tool
+from atlantis_netcfg.computers.image import ext4
 from atlantis_netcfg.computers.image.facts import (
     Account,
     ImageDirectory,
@@ -426,7 +426,7 @@ class Fat:
 
     def _run(self, program: str, *arguments: str) -> subprocess.CompletedProcess[bytes]:
         return subprocess.run(  # noqa: S603 - a program of the system, and arguments that are ours
-            [tool(program), "-i", f"{self.image}@@{self.offset}", *arguments],
+            [ext4.tool(program), "-i", f"{self.image}@@{self.offset}", *arguments],
             stdin=subprocess.DEVNULL,
             capture_output=True,
             check=False,
@@ -440,7 +440,7 @@ _BOOT_FILES = ("cmdline.txt", "boot.ini")
 """Files there that hold the kernel's command line, of boards of the Raspberry and of the ODROID type."""
 
 
-def look(root: Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
+def look(root: ext4.Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFacts:
     """What the planner needs to know of an image. Raises ImageRefused where a link stands in the place of a file."""
     root.hold_no_link((*READ, *LISTED_FOLDERS))
     files = {path: data.decode(errors="surrogateescape") for path in READ if (data := root.read(path)) is not None}
@@ -452,11 +452,11 @@ def look(root: Ext4, request: ImageRequest, boot: Fat | None = None) -> ImageFac
     return ImageFacts(files, present, {path: root.names(path) for path in LISTED_FOLDERS}, values)
 
 
-def customise(image: Path, layout: DiskLayout, request: ImageRequest) -> tuple[str, ...]:
+def customise(image: Path, layout: ext4.DiskLayout, request: ImageRequest) -> tuple[str, ...]:
     """Edit the working copy; return what a person should know. Raises ImageRefused. May be repeated."""
-    places = find(image, layout)
+    places = ext4.find(image, layout)
     boot = None if places.boot is None else Fat(image, places.boot.offset)
-    root = Ext4(image, places.root)
+    root = ext4.Ext4(image, places.root)
     root.recover()
     root.hold_editable()
     facts = look(root, request, boot)

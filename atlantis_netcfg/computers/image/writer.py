@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.computers.image.blocks import BlockDevice, BlockTree, same
+from atlantis_netcfg.computers.image import blocks
 from atlantis_netcfg.computers.image.facts import BlockDeviceError, CardWriteError
 from atlantis_netcfg.computers.image.source import Segment, SourceKind
 
@@ -125,12 +125,12 @@ class Card:
     """The disk that a person was shown, and the path to it."""
 
     device: Path
-    disk: BlockDevice
-    tree: BlockTree
+    disk: blocks.BlockDevice
+    tree: blocks.BlockTree
 
     def still(self, image_size: int) -> None:
         """Hold that it is the same, and may be written. Raises DeviceRefused."""
-        same(self.tree, self.device, self.disk, image_size)
+        blocks.same(self.tree, self.device, self.disk, image_size)
 
 
 def write(copy: Path, parts: Sequence[Segment], card: Card, tell: Callable[[Progress], None]) -> WrittenCard:
@@ -161,7 +161,7 @@ def _open(device: Path) -> int:
         raise BlockDeviceError(f"{device} cannot be opened: {why}", hint="run it with sudo") from error
 
 
-def _hold(card: int, device: Path, disk: BlockDevice) -> None:
+def _hold(card: int, device: Path, disk: blocks.BlockDevice) -> None:
     """What was opened is what was shown: a path may lead elsewhere by the time that it is opened."""
     status = os.fstat(card)
     number = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"

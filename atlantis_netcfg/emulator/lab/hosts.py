@@ -21,8 +21,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.emulator.lab.reaper import control_groups, remove, remove_group
-from atlantis_netcfg.emulator.lab.relay import Relay, RelayTraffic, RelayWay
+from atlantis_netcfg.emulator.lab import reaper, relay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -86,7 +85,7 @@ class Container:
         self._name = name
         self._log = log
         # Two containers in one control group would stop each other's services: each gets its own.
-        self._groups = [hierarchy / name for hierarchy in control_groups()]
+        self._groups = [hierarchy / name for hierarchy in reaper.control_groups()]
         for group in self._groups:
             group.mkdir(exist_ok=True)
         tun = ("--bind=/dev/net/tun",) if Path("/dev/net/tun").exists() else ()
@@ -140,8 +139,8 @@ class Container:
             self._nspawn.kill()
         self._nspawn.wait(_END_S)
         for group in self._groups:
-            remove_group(group)
-        remove(Path("/run/systemd/nspawn/propagate", self._name))
+            reaper.remove_group(group)
+        reaper.remove(Path("/run/systemd/nspawn/propagate", self._name))
 
     def last_words(self) -> str:
         """The end of its console."""
@@ -287,7 +286,7 @@ class Machine:
         self._container: Container | None = None
         self._disk = Disk(folder, spec.tree, spec.disk_mb)
         self.host_key = _card(self._disk.root, spec)
-        self._relay = Relay(inside.socket, (str(spec.address.ip), _SSH))
+        self._relay = relay.Relay(inside.socket, (str(spec.address.ip), _SSH))
 
     @property
     def name(self) -> str:
@@ -305,7 +304,7 @@ class Machine:
         return self._relay.port
 
     @property
-    def traffic(self) -> RelayTraffic:
+    def traffic(self) -> relay.RelayTraffic:
         """What has passed through `port` since the start; connections from inside the yard do not."""
         return self._relay.traffic
 
@@ -324,7 +323,7 @@ class Machine:
         shapes: tuple[LinkShape, LinkShape] | None = None,
     ) -> None:
         """Make the way through `port` such; what is left out is as good as can be. See `RelayWay`."""
-        self._relay.set(RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
+        self._relay.set(relay.RelayWay(delay_s, rate_up_bps, rate_down_bps, up, shapes))
 
     def power_on(self, *, is_configured: bool = True, wait_s: float | None = _PATIENCE_S) -> None:
         """Boot it and wait for its sshd.

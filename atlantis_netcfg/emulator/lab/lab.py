@@ -20,17 +20,7 @@ from ipaddress import IPv4Interface
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.lab import reaper
-from atlantis_netcfg.emulator.lab.hosts import (
-    BRIDGE,
-    Inside,
-    Machine,
-    MachineError,
-    MachineSpec,
-    add_namespace,
-    output_of,
-    program,
-)
+from atlantis_netcfg.emulator.lab import hosts, reaper
 from atlantis_netcfg.emulator.lab.rootfs import in_use
 
 if TYPE_CHECKING:
@@ -72,9 +62,9 @@ def provide(tell: Callable[[str], None], environ: Mapping[str, str] | None = Non
     tell(f"installing {' '.join(packages)}")
     quiet = ("env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "-qq", "-o", "DPkg::Lock::Timeout=300")
     install = (*quiet, "install", "-y", "--no-install-recommends", *packages)
-    if output_of(install).returncode:
-        output_of((*quiet, "update"))
-        output_of(install)
+    if hosts.output_of(install).returncode:
+        hosts.output_of((*quiet, "update"))
+        hosts.output_of(install)
 
 
 def _disabled_reason(environ: Mapping[str, str] | None) -> str | None:
@@ -97,7 +87,7 @@ def _forbidden() -> str | None:
     """What a computer that is itself a container may not do."""
     if not _overlays():
         return "the kernel has no overlay file system"
-    if output_of(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
+    if hosts.output_of(("unshare", "--net", "--mount", "--pid", "--fork", "true")).returncode:
         return "this computer may not make namespaces"
     return None
 
@@ -105,7 +95,7 @@ def _forbidden() -> str | None:
 def _overlays() -> bool:
     file_systems = Path("/proc/filesystems").read_text(encoding="ascii").split()
     return "overlay" in file_systems or (
-        shutil.which("modprobe") is not None and not output_of(("modprobe", "overlay")).returncode
+        shutil.which("modprobe") is not None and not hosts.output_of(("modprobe", "overlay")).returncode
     )
 
 
@@ -120,28 +110,28 @@ class Lab:
     def __init__(self, name: str, folder: Path, stack: ExitStack) -> None:
         self.name = name
         self.folder = folder
-        self.machines: dict[str, Machine] = {}
+        self.machines: dict[str, hosts.Machine] = {}
         self._stack = stack
         self._addresses: list[str] = []
-        add_namespace(name)
-        program("ip", "-n", name, "link", "add", BRIDGE, "type", "bridge")
-        program("ip", "-n", name, "link", "set", BRIDGE, "up")
+        hosts.add_namespace(name)
+        hosts.program("ip", "-n", name, "link", "add", hosts.BRIDGE, "type", "bridge")
+        hosts.program("ip", "-n", name, "link", "set", hosts.BRIDGE, "up")
         self.command(("sysctl", "-qw", "net.ipv4.ip_forward=1"))
-        self._inside = Inside(name)
+        self._inside = hosts.Inside(name)
         stack.callback(self._inside.close)
 
     @property
     def address(self) -> str:
         """The yard's own end: the gateway of the first machine, where servers for machines listen."""
         if not self._addresses:
-            raise MachineError("a yard has an address once it has a machine or was told one (`add_address`)")
+            raise hosts.MachineError("a yard has an address once it has a machine or was told one (`add_address`)")
         return self._addresses[0]
 
     def add_address(self, address: str) -> None:
         """Give the yard's end an address with its prefix, such as 10.64.1.1/24; more than one is fine."""
         new = IPv4Interface(address)
         if str(new.ip) not in self._addresses:
-            program("ip", "-n", self.name, "address", "add", str(new), "dev", BRIDGE)
+            hosts.program("ip", "-n", self.name, "address", "add", str(new), "dev", hosts.BRIDGE)
             self._addresses.append(str(new.ip))
 
     def start(  # noqa: PLR0913 - what a machine is
@@ -157,7 +147,7 @@ class Lab:
         spare: str | None = None,
         is_configured: bool = True,
         wait_s: float | None = 60.0,
-    ) -> Machine:
+    ) -> hosts.Machine:
         """Boot a machine from a tree, which stays as it is; wait for its sshd unless `wait_s` is None.
 
         `address` has its prefix; `gateway` becomes the yard's own end. `keys`: public keys with which root may log in.
@@ -165,12 +155,12 @@ class Lab:
         of a second interface without an address. `is_configured`: see `Machine.power_on`.
         """
         if name in self.machines:
-            raise MachineError(f"{name} stands in this yard already")
-        spec = MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
+            raise hosts.MachineError(f"{name} stands in this yard already")
+        spec = hosts.MachineSpec(name, tree, IPv4Interface(address), gateway, tuple(keys), disk_mb, interface, spare)
         self.add_address(f"{gateway}/{spec.address.network.prefixlen}")
         unique = f"{self.name}-m{len(self.machines)}"
         self._stack.enter_context(in_use(tree))
-        result = Machine(
+        result = hosts.Machine(
             spec, unique, self.name, self._inside, reaper.YARDS / self.name / unique, self.folder / f"{name}.log"
         )
         self.machines[name] = result
@@ -207,9 +197,9 @@ class Lab:
         timeout_s: float | None = None,
     ) -> subprocess.CompletedProcess[str]:
         """Run a program of this computer, with its powers, in the yard's network; `check`: see `Machine.run`."""
-        result = output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
+        result = hosts.output_of((*self.prefix(), *words), text=input, timeout_s=timeout_s)
         if check and result.returncode:
-            raise MachineError(f"{' '.join(words)}: ended with {result.returncode}: {result.stderr.strip()}")
+            raise hosts.MachineError(f"{' '.join(words)}: ended with {result.returncode}: {result.stderr.strip()}")
         return result
 
     def prefix(self) -> tuple[str, ...]:
@@ -231,7 +221,7 @@ def open_lab(folder: Path) -> Iterator[Lab]:
     MachineFailed where no machine can be run (`why_not`). What owners that were killed could not take down goes first.
     """
     if (reason := why_not()) is not None:
-        raise MachineError(f"no machine can be run here: {reason}")
+        raise hosts.MachineError(f"no machine can be run here: {reason}")
     folder.mkdir(parents=True, exist_ok=True)
     reaper.YARDS.mkdir(parents=True, exist_ok=True)
     reaper.sweep()

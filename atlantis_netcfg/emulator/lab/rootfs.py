@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.paths import cache_dir
-from atlantis_netcfg.emulator.lab.hosts import MachineError, output_of, program
+from atlantis_netcfg.emulator.lab import hosts
 from atlantis_netcfg.emulator.lab.reaper import remove, unmount
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _prune(place: Path, keep: Path) -> None:
         tree = lock.with_suffix("")
         if tree == keep or not (_is_outdated(lock) or lock.with_suffix(".half").exists()):
             continue
-        with suppress(OSError, MachineError), _alone(lock, wait=False):
+        with suppress(OSError, hosts.MachineError), _alone(lock, wait=False):
             _remove(lock.with_suffix(".half"))
             if tree.is_dir() and _is_outdated(lock) and not _stood_on(tree):
                 tree.rename(lock.with_suffix(".half"))
@@ -155,12 +155,12 @@ def _build(spec: TreeSpec, half: Path, tree: Path, lock: int) -> None:
         lines = [line for line in result.stderr.splitlines() if line.strip() and not line.startswith("I: ")][
             -_MESSAGES:
         ]
-        raise MachineError(
+        raise hosts.MachineError(
             f"no Debian {spec.release} for machines could be built: mmdebstrap ended with {result.returncode}:\n"
             + "\n".join(f"  {line}" for line in lines),
             hint=f"check that this computer reaches {spec.mirror or 'http://deb.debian.org/debian'}, then try again",
         )
-    program("sync", "--file-system", str(half))
+    hosts.program("sync", "--file-system", str(half))
     half.rename(tree)
 
 
@@ -177,7 +177,7 @@ def _mmdebstrap(spec: TreeSpec, half: Path, lock: int) -> subprocess.CompletedPr
     debs.mkdir(exist_ok=True)
     command = ("mmdebstrap", *kind, include, *_QUICK, *_kept_debs(debs), *hooks, spec.release, str(half), *mirror)
     with _lock(debs, os.O_RDONLY | os.O_DIRECTORY, fcntl.LOCK_EX) as packages:
-        return output_of(command, keep=(lock, packages))
+        return hosts.output_of(command, keep=(lock, packages))
 
 
 def _kept_debs(debs: Path) -> tuple[str, ...]:
@@ -195,6 +195,6 @@ def _remove(half: Path) -> None:
     unmount(half)
     remove(half)
     if half.exists():
-        raise MachineError(
+        raise hosts.MachineError(
             f"what a build that was killed has left cannot be removed: {half}", hint="restart the computer"
         )

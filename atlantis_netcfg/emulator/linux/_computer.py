@@ -13,20 +13,7 @@ from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.emulator.linux._ip import ip, is_lost, iw, ping
-from atlantis_netcfg.emulator.linux._spec import (
-    AddressSpec,
-    AdvertisementSpec,
-    CertificateSpec,
-    ComputerSpec,
-    DdsSpec,
-    EchoSpec,
-    InterfaceSpec,
-    NeighbourSpec,
-    OfferSpec,
-    RouteSpec,
-    UdpSpec,
-)
+from atlantis_netcfg.emulator.linux import _ip, _spec
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -38,7 +25,7 @@ _NOT_SYNCHRONISED = (
 )
 
 
-def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
+def timedatectl(spec: _spec.ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
     """Answer `timedatectl show`; `now`: seconds since 1970 by its own clock."""
     if list(argv[1:]) != ["show"]:
         return 1, "", f"Unknown command verb {argv[1] if len(argv) > 1 else ''}.\n"
@@ -56,7 +43,7 @@ def timedatectl(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramO
     return 0, "".join(f"{name}={value}\n" for name, value in values.items()), ""
 
 
-def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
+def chronyc(spec: _spec.ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutput:
     """Answer `chronyc -n -c tracking` and `sources`."""
     time = spec.time
     if not time.chrony:
@@ -77,7 +64,7 @@ def chronyc(spec: ComputerSpec, argv: Sequence[str], now: float) -> ProgramOutpu
 _WRITER = b"\x00\x01\x00\xc2"
 
 
-def answers(number: int, spec: DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
+def answers(number: int, spec: _spec.DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
     """The messages of the participant with this number to the GUID prefix that has announced itself."""
     data = b"\x01\x10" + struct.pack(">HII", spec.domain, 0xA71A, number)
     head = b"RTPS\x02\x01\x01\x10" + data
@@ -87,7 +74,7 @@ def answers(number: int, spec: DdsSpec, asked_by: bytes) -> tuple[bytes, ...]:
     return (head + to_the_asker + announcement, head + to_the_asker + beat)
 
 
-def _build_announcement(data: bytes, spec: DdsSpec, port: int) -> bytes:
+def _build_announcement(data: bytes, spec: _spec.DdsSpec, port: int) -> bytes:
     there = [struct.pack("<iI12x", 1, port) + socket.inet_aton(address) for address in spec.addresses]
     result = [
         (0x50, data + b"\x00\x00\x01\xc1"),
@@ -105,7 +92,7 @@ def _build_announcement(data: bytes, spec: DdsSpec, port: int) -> bytes:
 UDP_TABLE = "/proc/net/udp"
 
 
-def cat(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def cat(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print files, one after the other."""
     out, err = "", ""
     for path in argv[1:]:
@@ -120,7 +107,7 @@ def cat(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     return (1 if err else 0), out, err
 
 
-def _sockets(sockets: Sequence[UdpSpec]) -> str:
+def _sockets(sockets: Sequence[_spec.UdpSpec]) -> str:
     """As `net/ipv4/udp.c` prints them, on a computer whose lowest byte comes first."""
     head = (
         "   sl  local_address rem_address   st tx_queue rx_queue tr tm->when retrnsmt"
@@ -139,7 +126,7 @@ def _reverse_bytes(address: str) -> str:
     return IPv4Address(address).packed[::-1].hex().upper()
 
 
-def openssl(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def openssl(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print every certificate in a file (`storeutl -noout -text -certs PATH`); words and code of OpenSSL 3.0."""
     path, command = argv[-1], argv[1] if len(argv) > 1 else ""
     if command != "storeutl":
@@ -153,7 +140,7 @@ def openssl(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     return 8, f"{text}Total found: {len(certificates)}\n", "0:error:1608010C:STORE routines::unsupported\n"
 
 
-def _text(certificate: CertificateSpec) -> str:
+def _text(certificate: _spec.CertificateSpec) -> str:
     return (
         "Certificate:\n    Data:\n        Version: 3 (0x2)\n        Serial Number: 4096 (0x1000)\n"
         "        Signature Algorithm: ecdsa-with-SHA256\n"
@@ -170,7 +157,7 @@ def _stamp(moment: datetime) -> str:
     return f"{moment:%b} {moment.day:2d} {moment:%H:%M:%S %Y} GMT"
 
 
-def uname(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def uname(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print name, release and machine of the kernel (`-s`, `-n`, `-r`, `-m`); words of coreutils 9."""
     fields = {"s": "Linux", "n": spec.name, "r": spec.kernel, "m": spec.machine}
     options = [word.removeprefix("-") for word in argv[1:] if word.startswith("-")]
@@ -183,7 +170,7 @@ def uname(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     return 0, " ".join(value for letter, value in fields.items() if letter in requested_fields) + "\n", ""
 
 
-def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def ssh_keygen(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print the fingerprint of a public key of Ed25519 (`-l -f PATH`); words and code of OpenSSH 9."""
     if list(argv[1:3]) != ["-l", "-f"] or len(argv) != 4:  # noqa: PLR2004 - the program and three words
         return 1, "", "Too many arguments.\r\n"
@@ -199,7 +186,7 @@ def ssh_keygen(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     return 0, f"256 SHA256:{digest} {comment or 'no comment'} (ED25519)\n", ""
 
 
-def dpkg_query(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def dpkg_query(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Print installed packages by their names, no patterns (`-W -f=FORMAT NAME…`); words and codes of dpkg 1.21."""
     if len(argv) < 2 or argv[1] != "-W":  # noqa: PLR2004 - the program and its action
         reason = f"unknown option {argv[1]}" if len(argv) > 1 else "need an action option"
@@ -229,7 +216,7 @@ NOT_FOUND = 127
 class Computer:
     """Answers without a socket or a process: the seam is the command line, as for SSH."""
 
-    def __init__(self, spec: ComputerSpec, clock: Callable[[], float] = time.time) -> None:
+    def __init__(self, spec: _spec.ComputerSpec, clock: Callable[[], float] = time.time) -> None:
         self.spec = spec
         """May be replaced at any time; the next answer is from the new one."""
         self.inputs: list[tuple[str, ...]] = []
@@ -249,7 +236,7 @@ class Computer:
             return NOT_FOUND, "", f"sh: 1: {program}: not found\n"
         return _PROGRAMS[program](self, argv)
 
-    def offers(self, interface: str, cards: Sequence[str] = ()) -> tuple[OfferSpec, ...] | None:
+    def offers(self, interface: str, cards: Sequence[str] = ()) -> tuple[_spec.OfferSpec, ...] | None:
         """Who answers a DISCOVER on an interface, named by its name or an address of it; None: no such interface.
 
         It is asked in the name of the interface, of `cards`, and of one that nobody knows.
@@ -263,14 +250,14 @@ class Computer:
             server for server in there if not server.knows or requested_cards & {card.lower() for card in server.knows}
         )
 
-    def routers(self, interface: str) -> tuple[AdvertisementSpec, ...] | None:
+    def routers(self, interface: str) -> tuple[_spec.AdvertisementSpec, ...] | None:
         """Who answers a router solicitation on an interface, named as for `offers`; None: no such interface."""
         item = self._segment_interface(interface)
         if item is None:
             return None
         return self.spec.routers.get(item.name, ()) if item.up else ()
 
-    def _segment_interface(self, word: str) -> InterfaceSpec | None:
+    def _segment_interface(self, word: str) -> _spec.InterfaceSpec | None:
         """The interface of this name, or the one that has this address."""
         item = self.spec.interface(word)
         return self.spec.holding(word) if item is None and word[:1].isdigit() else item
@@ -300,7 +287,7 @@ class Computer:
         if way is None or there is None:
             return ()
         delivered_tokens = [
-            token for number, token in enumerate(tokens, start=1) if not is_lost(number, there.loss_percent)
+            token for number, token in enumerate(tokens, start=1) if not _ip.is_lost(number, there.loss_percent)
         ]
         rows = {"host": there.host, "from": source, "to": address, "by": there.arrives_by, "emulated": True}
         texts = (json.dumps({"token": token, **rows}).encode() for token in delivered_tokens)
@@ -311,10 +298,10 @@ _PROGRAMS: dict[str, Callable[[Computer, Sequence[str]], ProgramOutput]] = {
     "cat": lambda computer, argv: cat(computer.spec, argv),
     "chronyc": lambda computer, argv: chronyc(computer.spec, argv, computer.now),
     "dpkg-query": lambda computer, argv: dpkg_query(computer.spec, argv),
-    "ip": lambda computer, argv: ip(computer.spec, argv),
-    "iw": lambda computer, argv: iw(computer.spec, argv),
+    "ip": lambda computer, argv: _ip.ip(computer.spec, argv),
+    "iw": lambda computer, argv: _ip.iw(computer.spec, argv),
     "openssl": lambda computer, argv: openssl(computer.spec, argv),
-    "ping": lambda computer, argv: ping(computer.spec, argv),
+    "ping": lambda computer, argv: _ip.ping(computer.spec, argv),
     "ssh-keygen": lambda computer, argv: ssh_keygen(computer.spec, argv),
     "timedatectl": lambda computer, argv: timedatectl(computer.spec, argv, computer.now),
     "uname": lambda computer, argv: uname(computer.spec, argv),
@@ -334,26 +321,28 @@ def lan_computer(  # noqa: PLR0913 - each is one value of a declaration
     tunnel: str | None = None,
     server: str | None = None,
     interface: str = "eth0",
-) -> ComputerSpec:
+) -> _spec.ComputerSpec:
     """`address` with its prefix length; `router` and `others`: address and MAC; `tunnel`: own address in the VPN.
 
     `mac`: None where nobody has declared it; `server`: address of the VPN's server in the tunnel. Everybody answers
     pings, and the router alone offers addresses.
     """
     there = {router[0]: router[1], **others}
-    interfaces = [InterfaceSpec(name=interface, mac=mac or _CARD, addresses=(AddressSpec(address=address),))]
-    echoes = dict.fromkeys(there, EchoSpec())
+    interfaces = [
+        _spec.InterfaceSpec(name=interface, mac=mac or _CARD, addresses=(_spec.AddressSpec(address=address),))
+    ]
+    echoes = dict.fromkeys(there, _spec.EchoSpec())
     if tunnel is not None:
-        interfaces.append(InterfaceSpec(name="tun0", addresses=(AddressSpec(address=tunnel),)))
+        interfaces.append(_spec.InterfaceSpec(name="tun0", addresses=(_spec.AddressSpec(address=tunnel),)))
     if server is not None:
-        echoes[server] = EchoSpec(rtt_ms=62.0)
+        echoes[server] = _spec.EchoSpec(rtt_ms=62.0)
     first = IPv4Interface(address).network.network_address + 100
-    return ComputerSpec(
+    return _spec.ComputerSpec(
         name=name,
         interfaces=tuple(interfaces),
-        routes=(RouteSpec(via=router[0], dev=interface),),
-        neighbours=tuple(NeighbourSpec(address=ip, dev=interface, mac=card) for ip, card in there.items()),
+        routes=(_spec.RouteSpec(via=router[0], dev=interface),),
+        neighbours=tuple(_spec.NeighbourSpec(address=ip, dev=interface, mac=card) for ip, card in there.items()),
         echoes=echoes,
         files={"/etc/resolv.conf": f"nameserver {router[0]}\n"},
-        dhcp={interface: (OfferSpec(server=router[0], mac=router[1], address=str(first), router=router[0]),)},
+        dhcp={interface: (_spec.OfferSpec(server=router[0], mac=router[1], address=str(first), router=router[0]),)},
     )

@@ -12,14 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from atlantis_netcfg.emulator.linux._spec import (
-        AddressSpec,
-        AssociationSpec,
-        ComputerSpec,
-        EchoSpec,
-        InterfaceSpec,
-        RouteSpec,
-    )
+    from atlantis_netcfg.emulator.linux import _spec
 
 
 ProgramOutput = tuple[int, str, str]
@@ -29,7 +22,7 @@ _OF_CARDS = ("addr", "link")
 _LOOPBACK = {"ifindex": 1, "ifname": "lo", "flags": ["LOOPBACK", "UP", "LOWER_UP"], "mtu": 65536, "qdisc": "noqueue"}
 
 
-def ip(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def ip(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer a reading command; what the twin does not print says so as the program does, and fails."""
     words = list(argv[1:])
     statistics = "-s" in words
@@ -75,7 +68,7 @@ _RULES: list[dict[str, Any]] = [
 ]
 
 
-def _interfaces(spec: ComputerSpec, *, addresses: bool, statistics: bool) -> list[dict[str, Any]]:
+def _interfaces(spec: _spec.ComputerSpec, *, addresses: bool, statistics: bool) -> list[dict[str, Any]]:
     rows = [_loopback(addresses=addresses)]
     for number, interface in enumerate(spec.interfaces, start=2):
         row = _interface(number, interface, linkmode=not addresses)
@@ -101,7 +94,7 @@ def _loopback(*, addresses: bool) -> dict[str, Any]:
     return row | ({"addr_info": [inner]} if addresses else {})
 
 
-def _interface(number: int, interface: InterfaceSpec, *, linkmode: bool) -> dict[str, Any]:
+def _interface(number: int, interface: _spec.InterfaceSpec, *, linkmode: bool) -> dict[str, Any]:
     tunnel = interface.mac is None
     kind = ["POINTOPOINT", "MULTICAST", "NOARP"] if tunnel else ["BROADCAST", "MULTICAST"]
     flags = [*(() if interface.up else ("NO-CARRIER",)), *kind, "UP", *(("LOWER_UP",) if interface.up else ())]
@@ -112,14 +105,14 @@ def _interface(number: int, interface: InterfaceSpec, *, linkmode: bool) -> dict
     return row if tunnel else row | {"address": (interface.mac or "").lower(), "broadcast": "ff:ff:ff:ff:ff:ff"}
 
 
-def _statistics(interface: InterfaceSpec) -> dict[str, Any]:
+def _statistics(interface: _spec.InterfaceSpec) -> dict[str, Any]:
     plain = {"bytes": 1_204_332, "packets": 9_120}
     into = {**plain, "errors": interface.rx_errors, "dropped": 0, "over_errors": 0, "multicast": 0}
     out = {**plain, "errors": interface.tx_errors, "dropped": 0, "carrier_errors": 0, "collisions": 0}
     return {"rx": into, "tx": out}
 
 
-def _addresses(interface: InterfaceSpec) -> list[dict[str, Any]]:
+def _addresses(interface: _spec.InterfaceSpec) -> list[dict[str, Any]]:
     seen_networks: set[IPv4Network] = set()
     rows = []
     for address in interface.addresses:
@@ -129,7 +122,7 @@ def _addresses(interface: InterfaceSpec) -> list[dict[str, Any]]:
     return rows
 
 
-def _address(interface: InterfaceSpec, address: AddressSpec, *, second: bool) -> dict[str, Any]:
+def _address(interface: _spec.InterfaceSpec, address: _spec.AddressSpec, *, second: bool) -> dict[str, Any]:
     whole = IPv4Interface(address.address)
     row: dict[str, Any] = {"family": "inet", "local": str(whole.ip), "prefixlen": whole.network.prefixlen}
     if interface.mac is not None:
@@ -141,7 +134,7 @@ def _address(interface: InterfaceSpec, address: AddressSpec, *, second: bool) ->
     return row | {"label": interface.name, "valid_life_time": lifetime_s, "preferred_life_time": lifetime_s}
 
 
-def _routes(spec: ComputerSpec, selectors: dict[str, str]) -> list[dict[str, Any]]:
+def _routes(spec: _spec.ComputerSpec, selectors: dict[str, str]) -> list[dict[str, Any]]:
     """In the kernel's order; of several addresses in one network the first brings the route."""
     rows = [_route(spec, way) for way in spec.routes]
     rows += [row for interface in spec.interfaces for row in _connected_routes(interface)]
@@ -155,7 +148,7 @@ def _place(row: dict[str, Any]) -> tuple[IPv4Network, int]:
     return IPv4Network("0.0.0.0/0" if row["dst"] == "default" else row["dst"]), row.get("metric", 0)
 
 
-def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
+def _route(spec: _spec.ComputerSpec, way: _spec.RouteSpec) -> dict[str, Any]:
     row: dict[str, Any] = {"dst": way.to}
     row |= {"gateway": way.via} if way.via is not None else {}
     row["dev"] = way.dev
@@ -168,7 +161,7 @@ def _route(spec: ComputerSpec, way: RouteSpec) -> dict[str, Any]:
     return row | {"flags": _flags(interface)}
 
 
-def _connected_routes(interface: InterfaceSpec) -> list[dict[str, Any]]:
+def _connected_routes(interface: _spec.InterfaceSpec) -> list[dict[str, Any]]:
     routes: dict[str, dict[str, Any]] = {}
     for whole in (IPv4Interface(address.address) for address in interface.addresses):
         row = {"dst": str(whole.network), "dev": interface.name, "protocol": "kernel", "scope": "link"}
@@ -176,11 +169,11 @@ def _connected_routes(interface: InterfaceSpec) -> list[dict[str, Any]]:
     return list(routes.values())
 
 
-def _flags(interface: InterfaceSpec | None) -> list[str]:
+def _flags(interface: _spec.InterfaceSpec | None) -> list[str]:
     return [] if interface is None or interface.up else ["linkdown"]
 
 
-def _neighbours(spec: ComputerSpec, address: str | None) -> list[dict[str, Any]]:
+def _neighbours(spec: _spec.ComputerSpec, address: str | None) -> list[dict[str, Any]]:
     return [
         {
             "dst": neighbour.address,
@@ -193,7 +186,7 @@ def _neighbours(spec: ComputerSpec, address: str | None) -> list[dict[str, Any]]
     ]
 
 
-def _get(spec: ComputerSpec, words: Sequence[str]) -> ProgramOutput:
+def _get(spec: _spec.ComputerSpec, words: Sequence[str]) -> ProgramOutput:
     try:
         address = str(IPv4Address(words[0]))
     except (IndexError, AddressValueError):
@@ -216,7 +209,7 @@ _ARP_S = 3.0
 _WITH_VALUE = ("-c", "-i", "-W", "-I", "-s", "-w")
 
 
-def ping(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def ping(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer at once what a ping would have said in the end."""
     if len(argv) < 2:  # noqa: PLR2004 - the program and a target
         return 1, "", "ping: usage error: Destination address required\n"
@@ -256,7 +249,7 @@ def _is_address(text: str) -> bool:
     return True
 
 
-def _answers(target: str, echo: EchoSpec, count: int) -> tuple[str, int]:
+def _answers(target: str, echo: _spec.EchoSpec, count: int) -> tuple[str, int]:
     """The share that is lost is lost evenly, beginning with the last of each run."""
     sequence_numbers = [number for number in range(1, count + 1) if not is_lost(number, echo.loss_percent)]
     lines = (
@@ -281,7 +274,7 @@ def _percent(count: int, reply_count: int) -> str:
     return f"{100 * (count - reply_count) / count:.6g}%"
 
 
-def _sum(target: str, count: int, reply_count: int, interval: float, echo: EchoSpec) -> str:
+def _sum(target: str, count: int, reply_count: int, interval: float, echo: _spec.EchoSpec) -> str:
     took = round((count - 1) * interval * 1000)
     head = f"\n--- {target} ping statistics ---\n{count} packets transmitted, {reply_count} received, "
     rtt = f"{echo.rtt_ms:.3f}"
@@ -304,7 +297,7 @@ _NO_DEVICE = (237, "", "command failed: No such device (-19)\n")
 _USAGE = (1, "", "Usage:\tiw [options] command\n")
 
 
-def iw(spec: ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
+def iw(spec: _spec.ComputerSpec, argv: Sequence[str]) -> ProgramOutput:
     """Answer `iw reg get` and `iw dev NAME link|info|station dump`."""
     words = list(argv[1:])
     if words == ["reg", "get"]:
@@ -329,7 +322,7 @@ country {country}: DFS-{region}
 """
 
 
-def _link(interface: InterfaceSpec) -> str:
+def _link(interface: _spec.InterfaceSpec) -> str:
     there = interface.association
     if there is None or not interface.up or interface.type == "AP":
         return "Not connected.\n"
@@ -348,7 +341,7 @@ def _link(interface: InterfaceSpec) -> str:
     )
 
 
-def _info(interface: InterfaceSpec) -> str:
+def _info(interface: _spec.InterfaceSpec) -> str:
     there = interface.association if interface.up else None
     ssid = "" if there is None else f"\tssid {there.ssid}\n"
     return (
@@ -364,24 +357,24 @@ def _info(interface: InterfaceSpec) -> str:
     )
 
 
-def _channel(there: AssociationSpec) -> str:
+def _channel(there: _spec.AssociationSpec) -> str:
     number = (there.frequency_mhz - 5000) // 5 if there.frequency_mhz > 5000 else (there.frequency_mhz - 2407) // 5  # noqa: PLR2004 - MHz
     return f"\tchannel {number} ({there.frequency_mhz} MHz), width: 20 MHz, center1: {there.frequency_mhz} MHz\n"
 
 
-def _level(there: AssociationSpec) -> str:
+def _level(there: _spec.AssociationSpec) -> str:
     chains = f" [{', '.join(map(str, there.chains_dbm))}]" if there.chains_dbm else ""
     return f"{there.signal_dbm}{chains} dBm"
 
 
-def _stations(interface: InterfaceSpec) -> str:
+def _stations(interface: _spec.InterfaceSpec) -> str:
     if interface.association is None or not interface.up:
         return ""
     stations = interface.stations if interface.type == "AP" else (interface.association,)
     return "".join(_station(interface.name, station) for station in stations)
 
 
-def _station(radio: str, there: AssociationSpec) -> str:
+def _station(radio: str, there: _spec.AssociationSpec) -> str:
     lines = (
         ("inactive time:", f"{there.inactive_ms} ms"),
         ("rx bytes:", there.tx_packets * 210),

@@ -8,12 +8,12 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros import menus
 from atlantis_netcfg.emulator.routeros.access import is_allowed
 from atlantis_netcfg.emulator.routeros.answers import Caller
 from atlantis_netcfg.emulator.routeros.commands._checks import mac_of
 from atlantis_netcfg.emulator.routeros.commands.write import QUEUES, queue_row
 from atlantis_netcfg.emulator.routeros.console.run import run_file, run_script
-from atlantis_netcfg.emulator.routeros.menus import BUILT_IN, INTERFACES, MODELLED_MENUS, EmulatedMenu, Shape
 from atlantis_netcfg.emulator.routeros.store import StoredItem
 from atlantis_netcfg.emulator.routeros.values import reference, seconds, spell
 from atlantis_netcfg.routeros.rsc import quote
@@ -167,9 +167,9 @@ class SeedError(ValueError):
 
 def boot(core: Core) -> None:
     """Fill the tables: the factory's rows, the spec's users, certificates and management address, then the seed."""
-    for path in INTERFACES:
+    for path in menus.INTERFACES:
         core.store.table(path)
-    for path in (*MODELLED_MENUS, *BUILT_IN):
+    for path in (*menus.MODELLED_MENUS, *menus.BUILT_IN):
         if core.schema.has_menu(path):
             _factory(core, core.store.table(path).menu)
     _ports(core)
@@ -188,11 +188,11 @@ def boot(core: Core) -> None:
     core.log.clear()
 
 
-def _factory(core: Core, menu: EmulatedMenu) -> None:
+def _factory(core: Core, menu: menus.EmulatedMenu) -> None:
     table = core.store.table(menu.path)
-    if menu.shape is Shape.SETTINGS:
+    if menu.shape is menus.Shape.SETTINGS:
         table.items.append(StoredItem(menu.first_id, {}, dict(menu.factory[0]) if menu.factory else {}))
-    for row in menu.factory if menu.shape is not Shape.SETTINGS else ():
+    for row in menu.factory if menu.shape is not menus.Shape.SETTINGS else ():
         number = int(row[".id"][1:], 16) if ".id" in row else core.store.new_id(menu.path)
         table.items.append(StoredItem(number, {}, dict(row), dynamic=menu.factory_dynamic))
     for item in table.items:
@@ -201,12 +201,12 @@ def _factory(core: Core, menu: EmulatedMenu) -> None:
         item.factory = {name: spell(value, core.store) for name, value in item.values.items()}
 
 
-def _parse(core: Core, menu: EmulatedMenu, name: str, value: str) -> str:
+def _parse(core: Core, menu: menus.EmulatedMenu, name: str, value: str) -> str:
     return menu.by_name[name].kind.parse(value, core.store)
 
 
 def _ports(core: Core) -> None:
-    menu = MODELLED_MENUS["/interface/ethernet"]
+    menu = menus.MODELLED_MENUS["/interface/ethernet"]
     table = core.store.table(menu.path)
     for number, port in enumerate(core.spec.ports, start=1):
         mac = mac_of(core.spec.name, number)
@@ -247,7 +247,7 @@ def _loopback(core: Core) -> None:
 
 
 def _queues(core: Core) -> None:
-    for path in (*INTERFACES, "/interface"):
+    for path in (*menus.INTERFACES, "/interface"):
         for item in core.store.table(path).items:
             queue_row(core, core.store.table(QUEUES), item.values["name"])
 
@@ -277,7 +277,7 @@ def _adopt(core: Core) -> None:
     store, service = core.store, core.store.table("/ip/service")
     port = store.id_of("interface", management.port)
     if port is not None:
-        address = _parse(core, MODELLED_MENUS["/ip/address"], "address", management.address)
+        address = _parse(core, menus.MODELLED_MENUS["/ip/address"], "address", management.address)
         network = str(management.network)
         values = {"address": address, "interface": reference("interface", port), "network": network, "comment": _MARK}
         store.insert("/ip/address", values)

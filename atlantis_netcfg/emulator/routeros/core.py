@@ -5,8 +5,10 @@ The undo history and safe mode (Manual, Configuration Management: Safe Mode, Und
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from ipaddress import IPv4Address, ip_address, ip_network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.emulator.routeros.network.topology import Topology
@@ -15,23 +17,8 @@ from atlantis_netcfg.emulator.routeros.spec import Deviation, RouterSpec
 from atlantis_netcfg.emulator.routeros.store import ActionHistory, RowStore
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Answer, Caller
+    from atlantis_netcfg.emulator.routeros import answers
     from atlantis_netcfg.emulator.routeros.radio._settings import RadioState
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.emulator.routeros.answers import Caller
-from ipaddress import IPv4Address, ip_address, ip_network
-from typing import TYPE_CHECKING
 
 _LOG_LINES = 1000
 NETWATCH_GROUP = "*netwatch"
@@ -65,7 +52,7 @@ class Record:
 class Listener:
     """A `/listen` that goes on: which menu, and what it has shown already."""
 
-    caller: Caller
+    caller: answers.Caller
     tag: str
     call: Call
     shown_rows: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -132,9 +119,9 @@ class Core:
         self.history = ActionHistory(spec.history_limit)
         self.first_names: dict[str, str] = {}
         """New names of interfaces to earlier ones, as long as routes show these (`Deviation.NAMES`)."""
-        self.sessions: dict[int, Caller] = {}
+        self.sessions: dict[int, answers.Caller] = {}
         self.listeners: list[Listener] = []
-        self.outbox: list[tuple[int, str, Answer]] = []
+        self.outbox: list[tuple[int, str, answers.Answer]] = []
         """Later answers: session, tag, answer."""
         self.files: dict[str, FlashFile] = {}
         self.log: list[Record] = []
@@ -235,7 +222,7 @@ class Core:
         self.log.append(Record(self.number(), self.stamp(), topics, message))
         del self.log[:-_LOG_LINES]
 
-    def policies(self, caller: Caller) -> frozenset[str]:
+    def policies(self, caller: answers.Caller) -> frozenset[str]:
         """What the session may do: the policies of its user's group."""
         if caller.group == NETWATCH_GROUP:
             return NETWATCH_POLICIES
@@ -302,7 +289,7 @@ def connected_clients(core: Core) -> frozenset[int]:
 class Call:
     """A command of a menu with its arguments."""
 
-    caller: Caller
+    caller: answers.Caller
     menu: str
     command: str
     arguments: dict[str, str] = field(default_factory=dict)
@@ -334,7 +321,7 @@ Handler = Callable[["Core", Call], CallResult]
 _TAKEOVER_MESSAGE = "[Safe mode released by another user]"
 
 
-def notify_holder_lost(core: Core, caller: Caller) -> None:
+def notify_holder_lost(core: Core, caller: answers.Caller) -> None:
     """Let a console whose safe mode somebody else ends know it."""
     holder = core.history.holder
     if holder is not None and holder.number != caller.number and holder.via in _CONSOLES:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.emulator.routeros.access import admit, by_password, has_authorized_key
+from atlantis_netcfg.emulator.routeros import access
 from atlantis_netcfg.emulator.routeros.answers import DONE_REPLY, EMPTY, NOT_REHEARSED, Answer, Caller, Category, Trap
 from atlantis_netcfg.emulator.routeros.boot import boot, next_run, run_due
 from atlantis_netcfg.emulator.routeros.commands.dispatch import dispatch
@@ -145,7 +145,7 @@ class Device(ConsoleBackend, FileSide):
 
     def login_by_key(self, user: str, key: bytes, *, via: str, address: str) -> Caller:
         """Open a session for whoever holds the private half of a key. Raises Trap in the router's words."""
-        return self._open(user, lambda _password: has_authorized_key(self._core, user, key), via, address)
+        return self._open(user, lambda _password: access.has_authorized_key(self._core, user, key), via, address)
 
     def login_response(self, user: str, challenge: str, response: str, *, via: str, address: str) -> Caller:
         """The old login's second step: `response` is `00` + md5(0x00 + password + challenge) in hex."""
@@ -161,15 +161,15 @@ class Device(ConsoleBackend, FileSide):
 
     def has_key(self, user: str, key: bytes) -> bool:
         """Tell whether SSH lets this user in by a public key."""
-        return has_authorized_key(self._core, user, key)
+        return access.has_authorized_key(self._core, user, key)
 
     def takes_password(self, user: str) -> bool:
         """Tell whether SSH asks this user for a password: one with a key is not asked, as the settings stand."""
-        return by_password(self._core, user)
+        return access.by_password(self._core, user)
 
     def _open(self, user: str, right: Callable[[str], bool], via: str, address: str) -> Caller:
         self.tick()
-        caller = admit(self._core, user, right, via, address)
+        caller = access.admit(self._core, user, right, via, address)
         self._core.sessions[caller.number] = caller
         return caller
 

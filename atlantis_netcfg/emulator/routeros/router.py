@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Self
 
 from atlantis_netcfg.emulator.routeros.certificates import read_certificate
 from atlantis_netcfg.emulator.routeros.device import Device
+from atlantis_netcfg.emulator.routeros.shell import ssh
 from atlantis_netcfg.emulator.routeros.shell.serial import SerialLine
-from atlantis_netcfg.emulator.routeros.shell.ssh import SshConnection, fingerprint, host_key
 from atlantis_netcfg.emulator.routeros.storage import Flash
 from atlantis_netcfg.emulator.routeros.wire.host import HOST, LinkMember, Listeners, Pipe, RouterHost
 from atlantis_netcfg.emulator.routeros.wire.link import (
@@ -159,7 +159,7 @@ class EmulatedRouter:
     @property
     def host_key(self) -> str:
         """Fingerprint of the SSH host key, `SHA256:...`."""
-        return fingerprint(self._flash.host_key)
+        return ssh.fingerprint(self._flash.host_key)
 
     def export(
         self,
@@ -305,7 +305,7 @@ class EmulatedRouter:
         return self._board.visitor(service, self.spec.first_contact)
 
     def _shell(self, host: RouterHost, address: str) -> LinkMember:
-        return SshConnection(host, self.device, address=address, key=lambda: host_key(self._flash.host_key))
+        return ssh.SshConnection(host, self.device, address=address, key=lambda: ssh.host_key(self._flash.host_key))
 
     async def _handle_change(self) -> None:
         await self._doors.align(self.device.services())

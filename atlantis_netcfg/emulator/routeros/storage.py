@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.eventlog import write_all
 from atlantis_netcfg.core.paths import write_private
-from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Caller, Trap
+from atlantis_netcfg.emulator.routeros import answers
 from atlantis_netcfg.emulator.routeros.console.run import run_file
 from atlantis_netcfg.emulator.routeros.core import Core, FlashFile
 from atlantis_netcfg.emulator.routeros.wire.tls import certificate
@@ -31,11 +31,11 @@ class FileSide:
         """Do what has become due."""
         raise NotImplementedError
 
-    def file_data(self, caller: Caller) -> dict[str, bytes]:
+    def file_data(self, caller: answers.Caller) -> dict[str, bytes]:
         """All files. Raises Trap."""
         self.tick()
         if not {"ftp", "read"} <= self._core.policies(caller):
-            raise Trap("not enough permissions (9)")
+            raise answers.Trap("not enough permissions (9)")
         return {
             name: file.contents.encode(errors="surrogateescape")
             for name, file in self._core.files.items()
@@ -47,23 +47,23 @@ class FileSide:
         """All folders but the root."""
         return frozenset(name for name, file in self._core.files.items() if file.folder)
 
-    def make_folder(self, caller: Caller, name: str) -> None:
+    def make_folder(self, caller: answers.Caller, name: str) -> None:
         """Make an empty folder. Raises Trap."""
         if not {"ftp", "write"} <= self._core.policies(caller):
-            raise Trap("not enough permissions (9)")
+            raise answers.Trap("not enough permissions (9)")
         self._core.files[name] = FlashFile(self._core.number(), "", self._core.stamp(), folder=True)
 
     def free_space(self, *, besides: str = "") -> int:
         """Bytes that a file could take which replaces the one called `besides`."""
         return self._core.free_space(besides=besides)
 
-    def store_file(self, caller: Caller, name: str, data: bytes) -> None:
+    def store_file(self, caller: answers.Caller, name: str, data: bytes) -> None:
         """Write a file anew. Raises Trap."""
         core = self._core
         if not {"ftp", "write"} <= core.policies(caller):
-            raise Trap("not enough permissions (9)")
+            raise answers.Trap("not enough permissions (9)")
         if len(data) > self.free_space(besides=name):
-            raise Trap(DISK_FULL)
+            raise answers.Trap(answers.DISK_FULL)
         number = core.files[name].number if name in core.files else core.number()
         core.files[name] = FlashFile(number, data.decode(errors="surrogateescape"), core.stamp())
 
@@ -71,7 +71,7 @@ class FileSide:
         """Delete a file; False if there is none."""
         return self._core.files.pop(name, None) is not None
 
-    def run_upload(self, caller: Caller, name: str) -> None:
+    def run_upload(self, caller: answers.Caller, name: str) -> None:
         """Run a file whose name ends with `.auto.rsc`, and leave `.auto.log` (Manual, Configuration Management)."""
         core = self._core
         outcome = run_file(core, caller, core.files[name].contents)

@@ -6,15 +6,7 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from atlantis_netcfg.emulator.routeros.menus import (
-    INTERFACES,
-    MODELLED_MENUS,
-    Arg,
-    EmulatedMenu,
-    Shape,
-    generic,
-    unmodelled_arguments,
-)
+from atlantis_netcfg.emulator.routeros import menus
 from atlantis_netcfg.emulator.routeros.values import reference, references, spell
 
 if TYPE_CHECKING:
@@ -130,7 +122,7 @@ def _put_back(store: RowStore, entry: HistoryEntry) -> None:
 
 _SPACE_MENUS = {
     "bridge": ("/interface/bridge",),
-    "interface": (*INTERFACES, "/ip/vrf"),
+    "interface": (*menus.INTERFACES, "/ip/vrf"),
     "table": ("/routing/table", "/ip/vrf"),
 }
 """A VRF is an interface and a routing table of its name (Manual, VRF)."""
@@ -158,7 +150,7 @@ class PrintedRow:
 
     values: dict[str, str]
     row: dict[str, str]
-    references: tuple[Arg, ...]
+    references: tuple[menus.Arg, ...]
     """Arguments with names of other rows, which may change at any time."""
     secrets: tuple[str, ...]
 
@@ -184,8 +176,8 @@ class StoreChange:
 class Table:
     """The rows of one menu in their order."""
 
-    menu: EmulatedMenu
-    args: dict[str, Arg]
+    menu: menus.EmulatedMenu
+    args: dict[str, menus.Arg]
     """Arguments that the router's version and board have."""
     items: list[StoredItem] = field(default_factory=list)
     _groups: dict[str, dict[str | None, dict[StoredItem, None]]] = field(default_factory=dict)
@@ -236,11 +228,11 @@ class RowStore:
     def table(self, path: str) -> Table:
         """Return the table of a menu that the schema has, an empty one at first use."""
         if path not in self.tables:
-            menu = MODELLED_MENUS.get(path) or generic(self.schema, path)
+            menu = menus.MODELLED_MENUS.get(path) or menus.generic(self.schema, path)
             names = self.schema.arguments(path, "add") | self.schema.arguments(path, "set")
-            fixed_names = {menu.name_property} if menu.shape is Shape.FIXED_ROWS else set()
+            fixed_names = {menu.name_property} if menu.shape is menus.Shape.FIXED_ROWS else set()
             known_args = [arg for arg in menu.args if arg.name in names | fixed_names]
-            rest = unmodelled_arguments(path, names - set(menu.by_name))
+            rest = menus.unmodelled_arguments(path, names - set(menu.by_name))
             self.tables[path] = Table(menu, {arg.name: arg for arg in (*known_args, *rest)})
         return self.tables[path]
 

@@ -9,9 +9,8 @@ from dataclasses import replace
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import INACTIVE, is_allowed, public_key
+from atlantis_netcfg.emulator.routeros import access, environment
 from atlantis_netcfg.emulator.routeros.certificates import expires_after, read_certificate
-from atlantis_netcfg.emulator.routeros.environment import alert, lease, ntp, tunnel_addresses
 from atlantis_netcfg.emulator.routeros.menus import Arg, Shape
 from atlantis_netcfg.emulator.routeros.modem import modem_rows
 from atlantis_netcfg.emulator.routeros.store import PrintedRow
@@ -351,7 +350,7 @@ def item_row(core: Core, path: str, table: Table, item: StoredItem, *, sensitive
 def _schedule(core: Core, item: StoredItem) -> dict[str, str]:
     """A job that device-mode blocks says so, and nothing else tells it from one that runs."""
     row = {"owner": "*sys", "run-count": str(core.run_counts.get(item.id, 0))}
-    return row if is_allowed(core.spec, "scheduler") else {**row, ".about": INACTIVE}
+    return row if access.is_allowed(core.spec, "scheduler") else {**row, ".about": access.INACTIVE}
 
 
 def _clock(core: Core, _item: StoredItem) -> dict[str, str]:
@@ -391,7 +390,7 @@ def _certificate(core: Core, item: StoredItem) -> dict[str, str]:
 
 def _ssh_key(core: Core, item: StoredItem) -> dict[str, str]:
     """Fields of a key, as they came and went (tikoci/quickchr, test/lab/ssh-keys: 7.12, 7.15, 7.20.8, 7.23.1)."""
-    key, since = public_key(core, item.values.get("key", "")), core.schema.at_least
+    key, since = access.public_key(core, item.values.get("key", "")), core.schema.at_least
     if key is None:
         return {}
     row = {"key-type": key.algorithm, **({"bits": str(key.bits)} if since("7.15") else {"RSA": "false"})}
@@ -431,13 +430,13 @@ def _packet_counter(path: str) -> Callable[[Core, StoredItem], dict[str, str]]:
 _OF_CORE: dict[str, Callable[[Core, StoredItem], dict[str, str]]] = {
     "/certificate": _certificate,
     "/ip/firewall/address-list": _expiring,
-    "/ip/dhcp-server/alert": alert,
-    "/ip/dhcp-server/lease": lease,
+    "/ip/dhcp-server/alert": environment.alert,
+    "/ip/dhcp-server/lease": environment.lease,
     "/ip/firewall/filter": _packet_counter("/ip/firewall/filter"),
     "/ip/firewall/mangle": _packet_counter("/ip/firewall/mangle"),
     "/ip/service": _service,
     "/system/clock": _clock,
-    "/system/ntp/client": ntp,
+    "/system/ntp/client": environment.ntp,
     "/system/scheduler": _schedule,
     "/tool/netwatch": _netwatch,
     "/user/ssh-keys": _ssh_key,
@@ -451,7 +450,11 @@ def made_rows(core: Core, path: str) -> list[dict[str, str]]:
     lacking = _lacking(core, path)
     return [
         {name: value for name, value in row.items() if name not in lacking}
-        for row in (*dynamic_rows(core.topology, path), *modem_rows(core, path), *tunnel_addresses(core, path))
+        for row in (
+            *dynamic_rows(core.topology, path),
+            *modem_rows(core, path),
+            *environment.tunnel_addresses(core, path),
+        )
     ]
 
 

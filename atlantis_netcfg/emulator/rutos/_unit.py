@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from atlantis_netcfg.core.paths import write_private
 from atlantis_netcfg.emulator.routeros.certificates import issue
 from atlantis_netcfg.emulator.routeros.shell.ssh import fingerprint, host_key
-from atlantis_netcfg.emulator.rutos._web import RutosModem, RutosSpec, Uci, UciError, Web, factory
+from atlantis_netcfg.emulator.rutos import _web
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class Gate(asyncssh.SSHServer):
     """Who may in: one user, by password."""
 
-    def __init__(self, spec: RutosSpec, there: set[asyncssh.SSHServerConnection]) -> None:
+    def __init__(self, spec: _web.RutosSpec, there: set[asyncssh.SSHServerConnection]) -> None:
         self._spec = spec
         self._there = there
         self._connection: asyncssh.SSHServerConnection | None = None
@@ -58,7 +58,7 @@ class Gate(asyncssh.SSHServer):
 class Shell:
     """Runs `uci show …`, `uci batch`, `uci export …` and `reload_config`, joined by `&&`."""
 
-    def __init__(self, uci: Uci, modem: RutosModem) -> None:
+    def __init__(self, uci: _web.Uci, modem: _web.RutosModem) -> None:
         self._uci = uci
         self._modem = modem
         self.commands: list[str] = []
@@ -90,7 +90,7 @@ class Shell:
             case ["uci", "show", package]:
                 try:
                     return self._uci.show(package), "", 0
-                except UciError as refused:
+                except _web.UciError as refused:
                     return "", f"{refused}\n", 1
             case ["uci", "batch"]:
                 return "", "" if self.mute else self._uci.batch(batch), 0
@@ -112,11 +112,11 @@ _PATIENCE_S = 30.0
 class Rutos:
     """One emulated unit; its flash is the folder `state_dir`."""
 
-    def __init__(self, spec: RutosSpec, *, state_dir: Path) -> None:
+    def __init__(self, spec: _web.RutosSpec, *, state_dir: Path) -> None:
         self.spec = spec
-        self.uci = factory(mobile=spec.mobile_section)
-        self.modem = RutosModem(spec, self.uci)
-        self.web = Web(spec, self.modem)
+        self.uci = _web.factory(mobile=spec.mobile_section)
+        self.modem = _web.RutosModem(spec, self.uci)
+        self.web = _web.Web(spec, self.modem)
         self.shell = Shell(self.uci, self.modem)
         self._flash = state_dir
         self._servers: list[asyncio.Server] = []
@@ -196,7 +196,7 @@ class Rutos:
 class RunningRutos:
     """A unit in a thread with its own event loop."""
 
-    def __init__(self, spec: RutosSpec, state_dir: Path) -> None:
+    def __init__(self, spec: _web.RutosSpec, state_dir: Path) -> None:
         self.unit = Rutos(spec, state_dir=state_dir)
         self.ready: dict[str, Any] = {}
         self._started: Future[dict[str, Any]] = Future()

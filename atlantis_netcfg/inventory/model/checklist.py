@@ -11,8 +11,8 @@ from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, StrictFloat, StrictInt, model_validator
 
-from atlantis_netcfg.core.reading_programs import PROGRAMS, is_allowed, names
-from atlantis_netcfg.inventory.model._base import Model, Name, Text, plain, text_like, wrong
+from atlantis_netcfg.core import reading_programs
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.endpoints import SeenFrom
 
 
@@ -53,52 +53,54 @@ class EvidenceKind(StrEnum):
 
 
 def _reading(value: object) -> str:
-    text = " ".join(plain(value).split())
-    if not is_allowed(tuple(text.split())):
+    text = " ".join(_base.plain(value).split())
+    if not reading_programs.is_allowed(tuple(text.split())):
         first = text.partition(" ")[0]
-        if first in names():
-            raise wrong(
+        if first in reading_programs.names():
+            raise _base.wrong(
                 f"`{text}` is not a form of `{first}` that the checklist may run", "docs/check.md lists the forms"
             )
-        programs = ", ".join(names())
-        raise wrong(
+        programs = ", ".join(reading_programs.names())
+        raise _base.wrong(
             f"the checklist may not run `{text}`", f"it runs programs that only read: {programs} (docs/check.md)"
         )
     return text
 
 
-ReadingCommand = Annotated[str, BeforeValidator(_reading), text_like(f"^({'|'.join(PROGRAMS)})$")]
+ReadingCommand = Annotated[
+    str, BeforeValidator(_reading), _base.text_like(f"^({'|'.join(reading_programs.PROGRAMS)})$")
+]
 """A command line of the closed list (`core/reading_programs.py`)."""
 _OF_A_PERSON = ("look_for", "evidence", "unit", "min", "max", "by")
 _OF_A_COMMAND = ("command", "expect", "seen_from")
 
 
-class CheckItem(Model):
+class CheckItem(_base.Model):
     """An item of the checklist that the pilot has thought of. The order of the list is that of the questions."""
 
-    id: Name
+    id: _base.Name
     """Last part of the item's id in the list: `battery` of Sparus is `sparus/items/battery`."""
-    text: Text
+    text: _base.Text
     """What is asked, or checked, in the words that people read."""
     phase: Phase
     """When its turn is. `recovery`, when the vehicles are back, and `integration` are lists of their own."""
     kind: ItemSort = ItemSort.PERSON
     """Who finds out."""
-    look_for: Text | None = None
+    look_for: _base.Text | None = None
     """For a person, required: what tells that it is well."""
     evidence: EvidenceKind = EvidenceKind.NONE
     """For a person: what is given besides the answer, without which it does not pass."""
-    unit: Text | None = None
+    unit: _base.Text | None = None
     """Of a number, required."""
     min: StrictFloat | None = None
     """Of a number: less does not pass."""
     max: StrictFloat | None = None
     """Of a number: more does not pass."""
-    by: tuple[Text, ...] = ()
+    by: tuple[_base.Text, ...] = ()
     """For a person: names, or roles of the pilot, that alone may answer or override it; none: anybody."""
     command: ReadingCommand | None = None
     """For a command, required: what is run; programs that only read, from a closed list (docs/check.md)."""
-    expect: Text | None = None
+    expect: _base.Text | None = None
     """For a command, required: a whole line that it has to print; `*` stands for any characters."""
     seen_from: SeenFrom = SeenFrom.GATEWAY
     """For a command: where it is run."""
@@ -109,14 +111,14 @@ class CheckItem(Model):
         fields, names = type(self).model_fields, _OF_A_COMMAND if person else _OF_A_PERSON
         others = [name for name in names if getattr(self, name) != fields[name].default]
         if others:
-            raise wrong(
+            raise _base.wrong(
                 f"`{self.id}` is of kind {self.kind}, and has `{others[0]}`",
                 f"remove `{others[0]}:`, or correct `kind:`",
             )
         required_names = ("look_for",) if person else ("command", "expect")
         for name in required_names:
             if getattr(self, name) is None:
-                raise wrong(f"`{self.id}` is of kind {self.kind}, and has no `{name}`", f"add `{name}:`")
+                raise _base.wrong(f"`{self.id}` is of kind {self.kind}, and has no `{name}`", f"add `{name}:`")
         return self
 
     @model_validator(mode="after")
@@ -124,16 +126,18 @@ class CheckItem(Model):
         number = self.evidence is EvidenceKind.NUMBER
         number_fields = [name for name in ("unit", "min", "max") if getattr(self, name) is not None]
         if number_fields and not number:
-            raise wrong(
+            raise _base.wrong(
                 f"`{self.id}` has `{number_fields[0]}`, but asks for no number",
                 "write `evidence: number`, or remove it",
             )
         if number and self.unit is None:
-            raise wrong(f"`{self.id}` asks for a number, and has no `unit`", "add `unit:`, like V or bar")
+            raise _base.wrong(f"`{self.id}` asks for a number, and has no `unit`", "add `unit:`, like V or bar")
         if number and self.min is None and self.max is None:
-            raise wrong(f"`{self.id}` asks for a number, and no number would be wrong", "add `min:` or `max:`, or both")
+            raise _base.wrong(
+                f"`{self.id}` asks for a number, and no number would be wrong", "add `min:` or `max:`, or both"
+            )
         if self.min is not None and self.max is not None and self.min > self.max:
-            raise wrong(
+            raise _base.wrong(
                 f"`min: {self.min:g}` of `{self.id}` is above `max: {self.max:g}`", "write the smaller number at `min`"
             )
         return self
@@ -142,46 +146,46 @@ class CheckItem(Model):
 class SiteCheckItem(CheckItem):
     """The same, declared at a site or for a mission: of the site itself, or of a vehicle that is tested there."""
 
-    vehicle: Name | None = None
+    vehicle: _base.Name | None = None
     """Key of the vehicle that it is about; None: the site."""
 
     @model_validator(mode="after")
     def _is_of_a_robot(self) -> Self:
         if self.phase is Phase.INTEGRATION and self.vehicle is None:
-            raise wrong(
+            raise _base.wrong(
                 f"`{self.id}` has `phase: integration`, and no vehicle", "add `vehicle:`: a record is one robot's"
             )
         return self
 
 
-class VehicleChecklist(Model):
+class VehicleChecklist(_base.Model):
     """What the checklist asks of a vehicle besides its endpoints, wherever it is tested."""
 
     items: tuple[CheckItem, ...] = ()
     """In the order in which they are asked."""
 
 
-class Mission(Model):
+class Mission(_base.Model):
     """Items that are asked for one sort of test alone: `provision check site=SITE mission=NAME`."""
 
-    name: Name
+    name: _base.Name
     """What `mission=` says."""
-    title: Text
+    title: _base.Text
     """What people call it."""
     items: Annotated[tuple[SiteCheckItem, ...], Field(min_length=1)]
     """In the order in which they are asked."""
 
 
-class Role(Model):
+class Role(_base.Model):
     """Who may answer, or sign, for a role."""
 
-    name: Name
+    name: _base.Name
     """What `by` and `signed_by` say."""
-    people: Annotated[tuple[Text, ...], Field(min_length=1)]
+    people: Annotated[tuple[_base.Text, ...], Field(min_length=1)]
     """Their names, as they stand in the report. A name is what somebody types: nothing proves it."""
 
 
-class Geofence(Model):
+class Geofence(_base.Model):
     """Where the robots of a site are when they are tested; decimal degrees, WGS 84."""
 
     latitude: Annotated[StrictFloat, Field(ge=-90, le=90)]
@@ -192,10 +196,10 @@ class Geofence(Model):
     """Positions may be so far from the centre, in metres."""
 
 
-class ChecklistSettings(Model):
+class ChecklistSettings(_base.Model):
     """What the pre-test checklist of a site needs to know besides the devices."""
 
-    vehicles: tuple[Name, ...] | None = None
+    vehicles: tuple[_base.Name, ...] | None = None
     """Keys of the vehicles that are tested here; None: every vehicle of the pilot."""
     geofence: Geofence | None = None
     """Where they are then; None: positions are not compared with a place, and the report says so."""
@@ -207,5 +211,5 @@ class ChecklistSettings(Model):
     """What is asked here besides all else, in this order."""
     missions: tuple[Mission, ...] = ()
     """Lists that are asked on top, one of them at a time."""
-    signed_by: tuple[Text, ...] = ()
+    signed_by: tuple[_base.Text, ...] = ()
     """Names, or roles of the pilot, that alone may sign the list; none: anybody."""

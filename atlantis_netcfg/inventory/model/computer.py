@@ -12,18 +12,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, StrictBool, StrictInt
 
-from atlantis_netcfg.inventory.model._base import (
-    Account,
-    Address,
-    LanBox,
-    Model,
-    Network,
-    Text,
-    WifiRadio,
-    plain,
-    text_like,
-    wrong,
-)
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.services import HostedService, Recording, Ros1Bridge  # noqa: TC001 - pydantic reads them
 
 REFLECTOR_PORT = 6862
@@ -41,55 +30,55 @@ _KINDS = (
 
 
 def _ssh_key(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if "PRIVATE KEY" in text:
-        raise wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
+        raise _base.wrong("this is a private key", "take it out of the inventory, and write what its .pub file holds")
     kind, _, rest = text.partition(" ")
     body = rest.split(" ")[0]
     like = "copy the line of the technician's .pub file: kind, key, name"
     if kind not in _KINDS or not text.isprintable():
-        raise wrong("this is no public SSH key that a server takes", like)
+        raise _base.wrong("this is no public SSH key that a server takes", like)
     try:
         data = base64.b64decode(body, validate=True)
     except ValueError:
-        raise wrong("this public SSH key is damaged", like) from None
+        raise _base.wrong("this public SSH key is damaged", like) from None
     size = int.from_bytes(data[:4], "big")
     if data[4 : 4 + size] != kind.encode() or len(data) < 4 + size + 4:
-        raise wrong("this public SSH key is damaged", like)
+        raise _base.wrong("this public SSH key is damaged", like)
     return text
 
 
 _KEY = rf"^({'|'.join(map(re.escape, _KINDS))}) [A-Za-z0-9+/]{{20,}}={{0,2}}( |$)"
-SshKey = Annotated[str, BeforeValidator(_ssh_key), text_like(_KEY)]
+SshKey = Annotated[str, BeforeValidator(_ssh_key), _base.text_like(_KEY)]
 """A public key as a line of authorized_keys, without options."""
 
 
 def _interface(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[a-z][a-z0-9]{0,14}", text):
-        raise wrong(f"`{text}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
+        raise _base.wrong(f"`{text}` is no name of a network interface", "`ip link` on the board shows it, like eth0")
     return text
 
 
 def _receiver(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,31}", text):
-        raise wrong(f"`{text}` is no name of a receiver", "a name below /dev, like ttyACM0")
+        raise _base.wrong(f"`{text}` is no name of a receiver", "a name below /dev, like ttyACM0")
     return text
 
 
 def _network_file(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     place = r"/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+"
     if ".." in text or not re.fullmatch(place, text):
         hint = "its whole path, like /etc/netplan/50-cloud-init.yaml"
-        raise wrong(f"`{text}` is no file that configures a network", hint)
+        raise _base.wrong(f"`{text}` is no file that configures a network", hint)
     return text
 
 
 _NETWORK_FILE = r"^/etc/(netplan|network|systemd/network|NetworkManager)(/[A-Za-z0-9._@-]+)+$"
-Interface = Annotated[str, BeforeValidator(_interface), text_like("^[a-z][a-z0-9]{0,14}$")]
-NetworkFile = Annotated[str, BeforeValidator(_network_file), text_like(_NETWORK_FILE)]
+Interface = Annotated[str, BeforeValidator(_interface), _base.text_like("^[a-z][a-z0-9]{0,14}$")]
+NetworkFile = Annotated[str, BeforeValidator(_network_file), _base.text_like(_NETWORK_FILE)]
 
 
 class ImageLayout(StrEnum):
@@ -106,7 +95,7 @@ class AddressBy(StrEnum):
     DHCP = "dhcp"
 
 
-class Image(Model):
+class Image(_base.Model):
     """What `provision image` puts into the vendor's image."""
 
     layout: ImageLayout
@@ -115,18 +104,18 @@ class Image(Model):
     """`static`: the device's `address`; `dhcp`: a reservation of the site's LAN gives it."""
     interface: Interface | None = None
     """Of the LAN; null: the one that the board has."""
-    user: Account = "root"
+    user: _base.Account = "root"
     """The account that technicians log in to; it must be in the image."""
     ssh_keys: tuple[SshKey, ...]
     """The technicians' public keys: at least one, for every password is removed."""
-    source: Text | None = None
+    source: _base.Text | None = None
     """Where the image was fetched, for people; nothing is fetched by the toolkit."""
 
 
-class Ssh(Model):
+class Ssh(_base.Model):
     """How the toolkit logs in: by key, as a technician does."""
 
-    user: Account | None = None
+    user: _base.Account | None = None
     """None: the account of the image, else root; any other becomes root by `sudo`."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
     """Of its SSH server."""
@@ -142,7 +131,7 @@ class NetworkTool(StrEnum):
     NETWORKD = "networkd"
 
 
-class ComputerNetwork(Model):
+class ComputerNetwork(_base.Model):
     """The interface of the LAN, changed under a timer that takes the change back."""
 
     by: NetworkTool
@@ -162,16 +151,16 @@ class GpsSource(StrEnum):
     SOCKET = "socket"
 
 
-class GpsTime(Model):
+class GpsTime(_base.Model):
     """A GPS receiver that gives the gateway its time."""
 
     source: GpsSource
     """How the time is handed to chrony."""
-    device: Annotated[str, BeforeValidator(_receiver), text_like("^[A-Za-z][A-Za-z0-9]{0,31}$")] = "ttyACM0"
+    device: Annotated[str, BeforeValidator(_receiver), _base.text_like("^[A-Za-z][A-Za-z0-9]{0,31}$")] = "ttyACM0"
     """Name below /dev of the receiver; of `socket` it is part of the socket's name."""
 
 
-class SshHost(LanBox):
+class SshHost(_base.LanBox):
     """A computer that the toolkit logs in to by SSH."""
 
     ssh: Ssh = Ssh()
@@ -233,14 +222,14 @@ class ServerComputer(SiteComputer):
         raise NotImplementedError
 
 
-class GatewayAccessPoint(WifiRadio):
+class GatewayAccessPoint(_base.WifiRadio):
     """A radio of the gateway that opens a network for vehicles that are stations; it is no part of the LAN."""
 
     interface: Interface
     """The radio: `iw dev` on the gateway lists them, like wlan3."""
-    network: Network
+    network: _base.Network
     """Of the stations, by DHCP: no other network of the pilot."""
-    address: Address
+    address: _base.Address
     """Of the gateway in it."""
     isolated: StrictBool = True
     """Stations do not reach one another through it."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from atlantis_netcfg.inventory.model._base import Address, Model, Name, Text
+from atlantis_netcfg.inventory.model import _base
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory.model.computer import ServerComputer
@@ -35,14 +35,14 @@ class DdsPath(StrEnum):
     LAN = "lan"
 
 
-class DdsPeer(Model):
+class DdsPeer(_base.Model):
     """A computer that talks DDS and is no host of the inventory: a robot's own, a partner's control station."""
 
-    name: Name
+    name: _base.Name
     """What it is called here."""
-    address: Address
+    address: _base.Address
     """In the VPN, or in a LAN that is routed, as `over` has it."""
-    site: Name | None = None
+    site: _base.Name | None = None
     """Where it works, so that the gateways of other sites do not announce themselves to it; null: anywhere."""
 
 
@@ -57,10 +57,10 @@ class TelemetryData(StrEnum):
     """Below 1 Hz."""
 
 
-class TelemetryTopic(Model):
+class TelemetryTopic(_base.Model):
     """A topic that a robot publishes all the time, for what it costs on a link that is paid by the byte."""
 
-    topic: Text
+    topic: _base.Text
     """Its name in ROS, like /sparus/pose."""
     data: TelemetryData
     """What it carries: `numbers` (poses too), `images` or `point_clouds`."""
@@ -80,7 +80,7 @@ class TelemetryTopic(Model):
         return min(self.rate_hz, least if self.least_hz is None else self.least_hz)
 
 
-class Dds(Model):
+class Dds(_base.Model):
     """How gateways, control centre and robots find each other without multicast."""
 
     distribution: RosDistribution

@@ -7,24 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StrictBool, StrictInt
 
-from atlantis_netcfg.inventory.model._base import (
-    Access,
-    Address,
-    Box,
-    Day,
-    Fingerprint,
-    HostKey,
-    HostName,
-    Model,
-    Name,
-    PortName,
-    SecretText,
-    Sha256,
-    Text,
-    Transport,
-    WifiRadio,
-)
-from atlantis_netcfg.inventory.model.computer import ControlCentre, Gateway, OperatorStation, VpnServer
+from atlantis_netcfg.inventory.model import _base, computer
 
 
 class LteDriver(StrEnum):
@@ -42,16 +25,16 @@ class LteDriver(StrEnum):
     """Anything else: a person reads its own page."""
 
 
-class Sim(Model):
+class Sim(_base.Model):
     """The SIM and its subscription, from the contract."""
 
-    apn: Text | None = None
+    apn: _base.Text | None = None
     """None leaves the network's own default."""
-    user: Text | None = None
+    user: _base.Text | None = None
     """Of the access point, where the contract names one."""
-    password: SecretText | None = None
+    password: _base.SecretText | None = None
     """Of that user. Vaulted, or EXAMPLE-…."""
-    pin: SecretText | None = None
+    pin: _base.SecretText | None = None
     """Four to eight digits; only ever tried once, because three wrong ones lock the SIM."""
     roaming: StrictBool = False
     """Whether the subscription may be used in foreign networks, where it may cost more."""
@@ -59,39 +42,39 @@ class Sim(Model):
     """LTE bands (3GPP TS 36.101) that the unit is held to; none: all that it has."""
 
 
-class LteAccess(Model):
+class LteAccess(_base.Model):
     """How the toolkit reaches the unit's own interface."""
 
-    user: Text
+    user: _base.Text
     """RouterOS: in group `full`; RutOS: a user that may only read."""
-    password: SecretText
+    password: _base.SecretText
     """Of `user`. Vaulted, or EXAMPLE-…."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None: 8729 with RouterOS, 443 with RutOS."""
-    fingerprint: Fingerprint | None = None
+    fingerprint: _base.Fingerprint | None = None
     """Of its certificate; None: it is known on this computer alone, by `provision trust`."""
-    host_key: HostKey | None = None
+    host_key: _base.HostKey | None = None
     """Of its SSH server; None: it is known on this computer alone, by `provision trust`."""
-    admin_user: Text | None = None
+    admin_user: _base.Text | None = None
     """RutOS: who may set things over SSH; None: settings are only checked."""
-    admin_password: SecretText | None = None
+    admin_password: _base.SecretText | None = None
     """Of `admin_user`. Vaulted, or EXAMPLE-…."""
 
 
-class LteRouter(Box):
+class LteRouter(_base.Box):
     """The outdoor 3G/4G unit, or the modem that stands in its place."""
 
     kind: Literal["lte_router"]
     """What the device is: it decides which keys the block has."""
-    address: Address
+    address: _base.Address
     """In the network of its link."""
     driver: LteDriver = LteDriver.MANUAL
     """How the unit is spoken to."""
     access: LteAccess | None = None
     """Drivers `routeros` and `rutos`."""
-    host: HostName | None = None
+    host: _base.HostName | None = None
     """Drivers `modemmanager` and `at`: the Linux host that has the modem; None: the computer that runs `provision`."""
-    serial: Text | None = None
+    serial: _base.Text | None = None
     """Driver `at`: the serial port at that host, like /dev/ttyUSB2."""
     sim: Sim = Sim()
 
@@ -122,7 +105,7 @@ class RadioMenus(StrEnum):
     """The packages `wifi-qcom` and `wifi-qcom-ac`: 802.11 only."""
 
 
-class SignalBounds(Model):
+class SignalBounds(_base.Model):
     """Between which levels the other end is to be heard; a receiver is also spoilt by too much."""
 
     weakest_dbm: Annotated[StrictInt, Field(ge=-95, le=-30)] = -75
@@ -131,10 +114,10 @@ class SignalBounds(Model):
     """Stronger than this overdrives the receiver, in dBm."""
 
 
-class Ptp(WifiRadio):
+class Ptp(_base.WifiRadio):
     """Radio settings of one end; both ends must agree."""
 
-    peer: HostName
+    peer: _base.HostName
     """The CPE at the other end."""
     mode: PtpMode
     """Which end it is: one of each."""
@@ -149,7 +132,7 @@ class Ptp(WifiRadio):
     """When both ends change: if the link is not back after so long they return to what they were."""
 
 
-class RouterAccessPoint(WifiRadio):
+class RouterAccessPoint(_base.WifiRadio):
     """The router's own radio, by which vehicles that are stations get into the site's LAN."""
 
     menus: Literal["wifi", "wireless"] = "wifi"
@@ -158,13 +141,13 @@ class RouterAccessPoint(WifiRadio):
     """Stations do not reach one another through it; what they say to the rest of the LAN is not filtered."""
 
 
-class Cpe(Box):
+class Cpe(_base.Box):
     """One end of the directional Wi-Fi bridge."""
 
     kind: Literal["cpe"]
     """What the device is: it decides which keys the block has."""
-    access: Access
-    port: PortName = "ether1"
+    access: _base.Access
+    port: _base.PortName = "ether1"
     """The port of the cable to the router, by its factory name; power comes in by it, too."""
     ptp: Ptp
 
@@ -177,7 +160,7 @@ class PoeMode(StrEnum):
     OFF = "off"
 
 
-class Poe(Model):
+class Poe(_base.Model):
     """Power on a port; 0 is the last to be cut when power is short."""
 
     out: PoeMode = PoeMode.AUTO_ON
@@ -195,49 +178,49 @@ class PortUse(StrEnum):
     OFF = "off"
 
 
-class Port(Model):
+class Port(_base.Model):
     """One Ethernet port of the router."""
 
-    name: PortName
+    name: _base.PortName
     """The factory name (`default-name`), like ether1."""
     use: PortUse
     """What is plugged in."""
-    link: Name | None = None
+    link: _base.Name | None = None
     """With `use: link`: the bearer or served link on it."""
     poe: Poe | None = None
     """Only for ports that can feed power."""
 
 
-class VpnClient(Model):
+class VpnClient(_base.Model):
     """The router itself is the site's end of the VPN."""
 
-    certificate: Text
+    certificate: _base.Text
     """Name of the client certificate on the device."""
-    user: Annotated[Text, Field(max_length=27)]
+    user: Annotated[_base.Text, Field(max_length=27)]
     """RouterOS sends one even with certificates, 27 characters at most (MikroTik manual, OpenVPN)."""
-    password: SecretText
+    password: _base.SecretText
     """Vaulted, or EXAMPLE-…."""
-    address: Address
+    address: _base.Address
     """Its fixed tunnel address, inside the infrastructure pool."""
 
 
-class Forward(Model):
+class Forward(_base.Model):
     """A port of the public address that leads to a host of the LAN."""
 
-    transport: Transport
+    transport: _base.Transport
     """Of the port."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)]
     """The same outside and inside."""
-    to: HostName
+    to: _base.HostName
     """A host of the site's LAN."""
 
 
-class Router(Box):
+class Router(_base.Box):
     """The MikroTik router of a site."""
 
     kind: Literal["router"]
     """What the device is: it decides which keys the block has."""
-    access: Access
+    access: _base.Access
     ports: Annotated[tuple[Port, ...], Field(min_length=2)]
     """Every port of the box, also those that are off."""
     vpn_client: VpnClient | None = None
@@ -256,10 +239,10 @@ class SwitchPortUse(StrEnum):
     OFF = "off"
 
 
-class SwitchPort(Model):
+class SwitchPort(_base.Model):
     """One Ethernet port of a switch."""
 
-    name: PortName
+    name: _base.PortName
     """The factory name (`default-name`), like ether1."""
     use: SwitchPortUse
     """`uplink`: the cable to the site's router, or to another switch on the way to it."""
@@ -269,12 +252,12 @@ class SwitchPort(Model):
     """Only for ports that can feed power."""
 
 
-class Switch(Box):
+class Switch(_base.Box):
     """A RouterOS device that bridges its ports, and its radio if it has one, into the site's LAN."""
 
     kind: Literal["switch"]
     """What the device is: it decides which keys the block has."""
-    access: Access
+    access: _base.Access
     ports: Annotated[tuple[SwitchPort, ...], Field(min_length=1)]
     """Every port of the box, also those that are off."""
     access_point: RouterAccessPoint | None = None
@@ -286,31 +269,31 @@ class Switch(Box):
         return next(port.name for port in self.ports if port.use is SwitchPortUse.UPLINK)
 
 
-class TerminalEvidence(Model):
+class TerminalEvidence(_base.Model):
     """What a person has seen on the terminal's own pages, and when."""
 
-    firmware: Text
+    firmware: _base.Text
     """As the terminal shows it."""
-    backup_file: Text | None = None
+    backup_file: _base.Text | None = None
     """Name of the backup that the terminal exported; the file itself is looked for in `evidence/` of the inventory."""
-    backup_sha256: Sha256 | None = None
+    backup_sha256: _base.Sha256 | None = None
     """Of that file, so that a changed terminal is noticed by its next backup."""
     allow_list: StrictBool
     """Whether the terminal's own filter holds the declared destinations and nothing else."""
-    sim_address: Address | None = None
+    sim_address: _base.Address | None = None
     """The terminal's address towards the network, if its page shows one: behind a carrier's NAT it is a private one."""
-    by: Text
+    by: _base.Text
     """Who has looked."""
-    seen_on: Day
+    seen_on: _base.Day
     """Day, like 2026-11-21."""
 
 
-class SatelliteTerminal(Box):
+class SatelliteTerminal(_base.Box):
     """The Thales VesseLINK: no machine interface of it is documented, so its own settings are declared, not driven."""
 
     kind: Literal["satellite_terminal"]
     """What the device is: it decides which keys the block has."""
-    address: Address
+    address: _base.Address
     """In the network of its link."""
     driver: Literal["manual"] = "manual"
     """The one there is: no terminal of the pilot has a documented interface."""
@@ -319,6 +302,14 @@ class SatelliteTerminal(Box):
 
 
 Device = Annotated[
-    Router | Switch | Cpe | LteRouter | SatelliteTerminal | Gateway | VpnServer | ControlCentre | OperatorStation,
+    Router
+    | Switch
+    | Cpe
+    | LteRouter
+    | SatelliteTerminal
+    | computer.Gateway
+    | computer.VpnServer
+    | computer.ControlCentre
+    | computer.OperatorStation,
     Field(discriminator="kind"),
 ]

@@ -11,17 +11,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt, model_validator
 
-from atlantis_netcfg.inventory.model._base import (
-    Address,
-    HostName,
-    MacAddress,
-    Model,
-    Network,
-    SecretText,
-    Ssid,
-    Text,
-    wrong,
-)
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.computer import Interface
 
 Port = Annotated[StrictInt, Field(ge=1, le=65535)]
@@ -36,10 +26,10 @@ class SeenFrom(StrEnum):
     """The technician's computer, in the site's LAN."""
 
 
-class _EndpointModel(Model):
+class _EndpointModel(_base.Model):
     seen_from: SeenFrom = SeenFrom.GATEWAY
     """Where the probe stands."""
-    address: Address | None = None
+    address: _base.Address | None = None
     """None: that of the site's DHCP reservation with the vehicle's key, for it has another one at each site."""
 
 
@@ -52,12 +42,12 @@ class WifiRole(StrEnum):
     """The vehicle is associated with an access point of the site."""
 
 
-class WifiClient(Model):
+class WifiClient(_base.Model):
     """The address of the gateway's radio in the network of a vehicle's access point."""
 
-    network: Network
+    network: _base.Network
     """Of the access point: no other network of the pilot."""
-    address: Address
+    address: _base.Address
     """Of the gateway in it."""
 
 
@@ -68,17 +58,17 @@ class WifiEndpoint(_EndpointModel):
     """Which side of the association the vehicle is."""
     interface: Interface = "wlan0"
     """Of the gateway, where the vehicle is the access point: each of its radios hears one of them at a time."""
-    ssid: Ssid | None = None
+    ssid: _base.Ssid | None = None
     """Name of the network; None: any."""
-    key: SecretText | None = None
+    key: _base.SecretText | None = None
     """Passphrase of the vehicle's access point: the gateway's radio joins it. None: a person configures the radio."""
     wpa: Literal["wpa2", "wpa3"] = "wpa2"
     """How the access point of `key` protects its network."""
     client: WifiClient | None = None
     """With `key`: the address of the gateway's radio; None: the vehicle's DHCP server gives it one."""
-    mac: MacAddress | None = None
+    mac: _base.MacAddress | None = None
     """Of the vehicle's radio; None: whoever has the address is believed."""
-    seen_by: HostName | None = None
+    seen_by: _base.HostName | None = None
     """Vehicle as station: RouterOS device whose registration table lists it; None: the site's router, if it has one."""
     low_dbm: Annotated[StrictFloat, Field(ge=-100, le=0)] = -75.0
     """Weaker is poor."""
@@ -92,7 +82,7 @@ class WifiEndpoint(_EndpointModel):
     @model_validator(mode="after")
     def _bounds(self) -> Self:
         if self.low_dbm >= self.high_dbm:
-            raise wrong(f"`low_dbm: {self.low_dbm:g}` is not below `high_dbm: {self.high_dbm:g}`", "-75 and -35")
+            raise _base.wrong(f"`low_dbm: {self.low_dbm:g}` is not below `high_dbm: {self.high_dbm:g}`", "-75 and -35")
         return self
 
 
@@ -110,7 +100,7 @@ class _ModemEndpoint(_EndpointModel):
     """What the modem speaks."""
     port: Port = 9200
     """TCP port of the modem, or of its serial server."""
-    device: Text | None = None
+    device: _base.Text | None = None
     """Serial port of the computer in `seen_from`, in place of address and port: `/dev/ttyUSB0`."""
     baud: Annotated[StrictInt, Field(ge=1200, le=921600)] | None = None
     """None: 19200 for EvoLogics, 115200 for SeaTrac."""
@@ -169,11 +159,11 @@ class GpsEndpoint(_EndpointModel):
     """Where positions come from."""
     port: Port | None = None
     """None: 2947 for gpsd (IANA), 10110 for NMEA over TCP (IANA, nmea-0183)."""
-    device: Text | None = None
+    device: _base.Text | None = None
     """Serial port, for `nmea_serial`."""
     baud: Annotated[StrictInt, Field(ge=1200, le=921600)] = 9600
     """Of the serial port, for `nmea_serial`."""
-    seen_by: HostName | None = None
+    seen_by: _base.HostName | None = None
     """For `routeros`; None: the site's router."""
     clear_sky: StrictBool = True
     """False where the antenna may be under a roof at the check: no fix is then no failure."""
@@ -185,24 +175,24 @@ class GpsEndpoint(_EndpointModel):
     @model_validator(mode="after")
     def _device(self) -> Self:
         if self.driver is GpsDriver.NMEA_SERIAL and self.device is None:
-            raise wrong("`driver: nmea_serial` needs the port's path", "device: /dev/ttyUSB0")
+            raise _base.wrong("`driver: nmea_serial` needs the port's path", "device: /dev/ttyUSB0")
         return self
 
 
 class EthernetEndpoint(_EndpointModel):
     """A vehicle, or its operator's computer, on the site's cable."""
 
-    seen_by: HostName | None = None
+    seen_by: _base.HostName | None = None
     """Router whose port is looked at, if `router_port` is given; None: the site's."""
-    router_port: Text | None = None
+    router_port: _base.Text | None = None
     """Port of that router where the cable is plugged in: link, speed and errors are read."""
-    mac: MacAddress | None = None
+    mac: _base.MacAddress | None = None
     """Of the vehicle's card; None: whoever has the address is believed."""
     loss_percent: Annotated[StrictFloat, Field(ge=0, le=100)] = 0.0
     """So many of a hundred pings may be lost."""
 
 
-class Endpoints(Model):
+class Endpoints(_base.Model):
     """What a program can look at; a column of Table 3 that is missing here is confirmed by a person."""
 
     wifi: WifiEndpoint | None = None

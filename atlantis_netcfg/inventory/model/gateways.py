@@ -9,54 +9,56 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.inventory.model._base import Model, SecretText, Text, plain, text_like, wrong
+from atlantis_netcfg.inventory.model import _base
 
 
 def _package(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[a-z0-9][a-z0-9+.-]+", text):
-        raise wrong(f"`{text}` is no name of a package", "small letters, digits, + - . (Debian Policy 5.6.1)")
+        raise _base.wrong(f"`{text}` is no name of a package", "small letters, digits, + - . (Debian Policy 5.6.1)")
     return text
 
 
 def _version(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[0-9][A-Za-z0-9.+~:-]*\*?", text):
-        raise wrong(f"`{text}` is no version of a package", 'in quotes, as apt prints it: "0.9.2-1*"')
+        raise _base.wrong(f"`{text}` is no version of a package", 'in quotes, as apt prints it: "0.9.2-1*"')
     return text
 
 
 def _revision(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._/-]{0,99}", text) or ".." in text or text.endswith((".lock", "/")):
-        raise wrong(f"`{text}` is no revision", "a tag, or a commit of 40 hex digits")
+        raise _base.wrong(f"`{text}` is no revision", "a tag, or a commit of 40 hex digits")
     return text
 
 
 def _url(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     parts = urlsplit(text)
     like = "an address is like https://gitlab.example.org/group/project.git"
     if parts.scheme not in ("https", "http") or not parts.hostname or not re.fullmatch(r"[!-~]+", text):
-        raise wrong(f"`{text}` is no address of a server", like)
+        raise _base.wrong(f"`{text}` is no address of a server", like)
     if parts.username is not None or parts.password is not None:
-        raise wrong("a name or password stands in this address", "take it out; a token has a key of its own: `token:`")
+        raise _base.wrong(
+            "a name or password stands in this address", "take it out; a token has a key of its own: `token:`"
+        )
     return text
 
 
 def _inside(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._/-]*", text) or ".." in text:
-        raise wrong(f"`{text}` is no path below the build", "a path is like config/robot-config.yml")
+        raise _base.wrong(f"`{text}` is no path below the build", "a path is like config/robot-config.yml")
     return text
 
 
-PackageName = Annotated[str, BeforeValidator(_package), text_like("^[a-z0-9][a-z0-9+.-]+$")]
-PackageVersion = Annotated[str, BeforeValidator(_version), text_like(r"^[0-9][A-Za-z0-9.+~:-]*\*?$")]
+PackageName = Annotated[str, BeforeValidator(_package), _base.text_like("^[a-z0-9][a-z0-9+.-]+$")]
+PackageVersion = Annotated[str, BeforeValidator(_version), _base.text_like(r"^[0-9][A-Za-z0-9.+~:-]*\*?$")]
 """As apt takes it after `=`; a `*` at its end stands for the rest."""
-Revision = Annotated[str, BeforeValidator(_revision), text_like("^[A-Za-z0-9][A-Za-z0-9._/-]{0,99}$")]
-Url = Annotated[str, BeforeValidator(_url), text_like("^https?://[^/@ ]+(/[!-~]*)?$")]
-Inside = Annotated[str, BeforeValidator(_inside), text_like("^[A-Za-z0-9_][A-Za-z0-9._/-]*$")]
+Revision = Annotated[str, BeforeValidator(_revision), _base.text_like("^[A-Za-z0-9][A-Za-z0-9._/-]{0,99}$")]
+Url = Annotated[str, BeforeValidator(_url), _base.text_like("^https?://[^/@ ]+(/[!-~]*)?$")]
+Inside = Annotated[str, BeforeValidator(_inside), _base.text_like("^[A-Za-z0-9_][A-Za-z0-9._/-]*$")]
 
 
 class RosOrigin(StrEnum):
@@ -68,7 +70,7 @@ class RosOrigin(StrEnum):
     """The frozen archive of a release that has ended."""
 
 
-class Pin(Model):
+class Pin(_base.Model):
     """A package and the version of it that is installed and kept."""
 
     package: PackageName
@@ -77,7 +79,7 @@ class Pin(Model):
     """The version that is installed and kept."""
 
 
-class Ros2(Model):
+class Ros2(_base.Model):
     """ROS 2 on the gateways; its release stands in `dds.distribution`."""
 
     origin: RosOrigin
@@ -86,7 +88,7 @@ class Ros2(Model):
     """In place of the archive's own address."""
     ros1_mirror: Url | None = None
     """The same for the archive of ROS 1, from which a computer with `ros1_bridge` beside foxy has its half of it."""
-    key_file: Text | None = None
+    key_file: _base.Text | None = None
     """Below `keys` of the inventory: the key that signs the archive, where the shipped one does not."""
     packages: tuple[PackageName, ...] = ()
     """Besides ros-base, colcon and the demo nodes."""
@@ -94,18 +96,18 @@ class Ros2(Model):
     """A package without one takes what the archive has."""
 
 
-class Repository(Model):
+class Repository(_base.Model):
     """A git repository, at one revision."""
 
     url: Url
     """Where git fetches it, without user and password."""
     revision: Revision
     """A commit of 40 hex digits, or a tag."""
-    token: SecretText | None = None
+    token: _base.SecretText | None = None
     """Reads the repository and its submodules on the same server; None: everyone may read it."""
 
 
-class ConnectionTest(Model):
+class ConnectionTest(_base.Model):
     """The robot that the report starts by hand when a gateway has been set up (4.6.2)."""
 
     program: Inside
@@ -114,10 +116,10 @@ class ConnectionTest(Model):
     """Below the examples' sources."""
 
 
-class InteropService(Model):
+class InteropService(_base.Model):
     """The data gateway as a service of the computer."""
 
-    command: Text
+    command: _base.Text
     """With its arguments; the partner names it. Its folder is that of the current build."""
     memory_mb: Annotated[StrictInt, Field(ge=64)] = 1024
     """It is ended and started anew when it takes more."""
@@ -125,7 +127,7 @@ class InteropService(Model):
     """100 is one core."""
 
 
-class Interop(Model):
+class Interop(_base.Model):
     """The UV-Interoperability library, its examples, and what runs of them."""
 
     library: Repository
@@ -140,7 +142,7 @@ class Interop(Model):
     """None: the library is built, and nothing of it is started at boot."""
 
 
-class Gateways(Model):
+class Gateways(_base.Model):
     """What every gateway computer runs."""
 
     ros2: Ros2 | None = None

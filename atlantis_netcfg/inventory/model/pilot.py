@@ -7,7 +7,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
-from atlantis_netcfg.inventory.model._base import Address, Day, DnsName, HostName, Model, Name, Network, Text, Transport
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.checklist import Role, VehicleChecklist
 from atlantis_netcfg.inventory.model.dds import Dds, RosDistribution, TelemetryTopic
 from atlantis_netcfg.inventory.model.endpoints import Endpoints
@@ -16,12 +16,12 @@ from atlantis_netcfg.inventory.model.qualify import Qualify
 from atlantis_netcfg.inventory.model.retrieval import Retrieval
 
 
-class TimeServer(Model):
+class TimeServer(_base.Model):
     """A time server by address: names do not resolve while the clock is wrong and the satellite filter is closed."""
 
-    name: Text
+    name: _base.Text
     """For people; devices use the address."""
-    address: Address
+    address: _base.Address
     """Of the server, reachable from every site."""
 
 
@@ -34,35 +34,35 @@ class OpenVpnVersion(StrEnum):
     V2_7 = "2.7"
 
 
-class VpnService(Model):
+class VpnService(_base.Model):
     """A service of ours that partners may use, at the tunnel address of its host."""
 
-    name: Text
+    name: _base.Text
     """What it is, for people."""
-    host: HostName
+    host: _base.HostName
     """Computer of ours that offers it; it has a `vpn_address`."""
-    transport: Transport = Transport.TCP
+    transport: _base.Transport = _base.Transport.TCP
     """What the service speaks."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)]
     """At which it listens."""
 
 
-class Vpn(Model):
+class Vpn(_base.Model):
     """The OpenVPN that joins sites, robots and partners."""
 
-    server: HostName
+    server: _base.HostName
     """Host that runs the server; it stands at the SCC."""
-    endpoint: Address
+    endpoint: _base.Address
     """Public address at which every site reaches the server."""
-    endpoint_name: DnsName
+    endpoint_name: _base.DnsName
     """DNS name in the server's certificate; RouterOS compares it with what it connects to."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 1194
     """Public port of the server, the same that its own router forwards."""
-    transport: Transport = Transport.UDP
+    transport: _base.Transport = _base.Transport.UDP
     """`udp`, or `tcp` where a network lets nothing else out."""
-    network: Network
+    network: _base.Network
     """All tunnel addresses; the pools below and those of the partners lie inside."""
-    infrastructure: Network
+    infrastructure: _base.Network
     """Pool of routers, gateways and servers of the sites."""
     cipher: Literal["aes256-gcm", "aes128-gcm"] = "aes256-gcm"
     """RouterOS does not negotiate: both ends name the same (MikroTik manual, OpenVPN)."""
@@ -72,7 +72,7 @@ class Vpn(Model):
     """First packets that the server looks at in 10 s, of members and of strangers; over UDP."""
     force_cookie: StrictBool = False
     """Whether clients must answer a cookie; routers, and OpenVPN before 2.6, get the shared key then."""
-    shared_key_until: Day | None = None
+    shared_key_until: _base.Day | None = None
     """Last day (UTC) on which clients with the shared key may begin a session; null: no end. Over UDP only."""
     robot_openvpn: OpenVpnVersion | None = None
     """OpenVPN of the robots of which `vehicles` says nothing; null: that of the Ubuntu of `dds.distribution`."""
@@ -80,14 +80,14 @@ class Vpn(Model):
     """What every partner's devices may use, besides pings and the control centre's DDS."""
 
 
-class Partner(Model):
+class Partner(_base.Model):
     """An organisation that joins through the VPN."""
 
-    full_name: Text
+    full_name: _base.Text
     """What the organisation is called in reports."""
-    vpn_pool: Network
+    vpn_pool: _base.Network
     """Tunnel addresses of its devices; inside the network of the VPN, and of nobody else."""
-    sees: tuple[Name, ...] = ()
+    sees: tuple[_base.Name, ...] = ()
     """Vehicles, besides its own devices, that its devices may reach by ping and DDS, and that may reach them."""
 
 
@@ -118,20 +118,20 @@ ETHERNET: Final = "ethernet"
 """A column of our own beside those of Table 3: the cable of a vehicle or a location."""
 
 
-class Vehicle(Model):
+class Vehicle(_base.Model):
     """A robot of the report's Table 3, under its own inventory key."""
 
-    name: Text
+    name: _base.Text
     """As Table 3 prints it."""
     kind: VehicleKind
     """What sort of robot it is."""
-    aliases: tuple[Text, ...] = ()
+    aliases: tuple[_base.Text, ...] = ()
     """Other names that the report uses; the partner confirms them."""
-    partner: Name | None = None
+    partner: _base.Name | None = None
     """Key in `partners`; null where the report does not say."""
     table3: tuple[Column, ...]
     """The X cells of its row."""
-    table3_deviation: Text | None = None
+    table3_deviation: _base.Text | None = None
     """Why `table3` differs from the report; required if it does."""
     guest: StrictBool = False
     """The robot of a company that is not in the report: `table3` holds its own cells, and they are no deviation."""
@@ -154,11 +154,11 @@ class Guest(Vehicle):
 
     guest: StrictBool = True
     """Stays true here."""
-    partner: Name
+    partner: _base.Name
     """Key in `partners`: whose robot it is."""
-    until: Day
+    until: _base.Day
     """Its last day here, by the clocks of the pilot: no certificate of it is good for longer."""
-    tested_at: Annotated[tuple[Name, ...], Field(min_length=1)]
+    tested_at: Annotated[tuple[_base.Name, ...], Field(min_length=1)]
     """Sites whose checklist has it, whatever their `checklist.vehicles` lists."""
 
 
@@ -170,7 +170,7 @@ class NumberMask(StrEnum):
     NONE = "none"
 
 
-class AsBuilt(Model):
+class AsBuilt(_base.Model):
     """What `provision asbuilt` writes down, and the sheet of labels that it prints."""
 
     mask: NumberMask = NumberMask.LAST4
@@ -181,16 +181,16 @@ class AsBuilt(Model):
     """Of one label."""
 
 
-class Pilot(Model):
+class Pilot(_base.Model):
     """Values that every site shares."""
 
-    name: Text
+    name: _base.Text
     """What the pilot is called in reports."""
     example_values: StrictBool
     """True while the inventory holds the shipped example values: only rehearsals may use them."""
     country: Literal["portugal", "belgium"]
     """Regulatory domain of the radios, RouterOS' own word."""
-    time_zone: Text
+    time_zone: _base.Text
     """Name of the IANA database; the clocks of all devices show it."""
     time_servers: Annotated[tuple[TimeServer, ...], Field(min_length=1)]
     """In order of preference."""

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, StrictFloat, StrictInt
 
-from atlantis_netcfg.inventory.model._base import Address, HostName, Model, SecretText
+from atlantis_netcfg.inventory.model import _base
 
 KEY_OCTETS = 16
 """A key that is shorter is refused by the far end, and here."""
@@ -21,20 +21,20 @@ class ThresholdsName(StrEnum):
     WIFI = "wifi"
 
 
-class Qualify(Model):
+class Qualify(_base.Model):
     """Who answers the test packets of `provision qualify`: a program of ours, on this host alone."""
 
-    reflector: HostName
+    reflector: _base.HostName
     """The control centre that is the far end of every link."""
-    address: Address | None = None
+    address: _base.Address | None = None
     """Public address at which every site reaches it; null: `vpn.endpoint`."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 862
     """UDP, the same outside and inside; 862 is that of STAMP (RFC 8762). The router of its site forwards it."""
-    key: SecretText
+    key: _base.SecretText
     """Who has it is answered. At least 16 octets, vaulted, or EXAMPLE-…."""
 
 
-class LinkThresholds(Model):
+class LinkThresholds(_base.Model):
     """What `provision qualify` holds a link against: thresholds by their name, and what is other here."""
 
     profile: ThresholdsName | None = None

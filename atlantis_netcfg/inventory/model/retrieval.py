@@ -10,7 +10,7 @@ from typing import Annotated, Self
 
 from pydantic import Field, StrictInt, model_validator
 
-from atlantis_netcfg.inventory.model._base import Account, Address, HostName, Model, Name, text_like, wrong
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.computer import SshKey
 from atlantis_netcfg.inventory.model.services import DataFolder, matching
 
@@ -29,16 +29,18 @@ class RetrievalPriority(StrEnum):
 
 RobotFolder = Annotated[
     str,
-    matching(_ROBOT_FOLDER, lambda text: wrong(f"`{text}` is no folder", "its whole path, like /home/robot/bags")),
-    text_like(_ROBOT_FOLDER),
+    matching(
+        _ROBOT_FOLDER, lambda text: _base.wrong(f"`{text}` is no folder", "its whole path, like /home/robot/bags")
+    ),
+    _base.text_like(_ROBOT_FOLDER),
 ]
 """On a computer that is not ours."""
 
 
-class RetrievalSource(Model):
+class RetrievalSource(_base.Model):
     """A folder on a gateway whose files are wanted at the control centre."""
 
-    host: HostName
+    host: _base.HostName
     """The gateway; its `ssh.host_key` is declared, for that is how the control centre knows it."""
     folder: DataFolder = "/var/lib/svc-recording"
     """On the gateway; nothing in it is ever changed or removed."""
@@ -51,18 +53,18 @@ class RetrievalSource(Model):
         return self.host
 
 
-class RetrievalRobot(Model):
+class RetrievalRobot(_base.Model):
     """A folder on a robot whose files are wanted at the control centre: a gateway collects them in the LAN first."""
 
-    robot: Name
+    robot: _base.Name
     """Key in `vehicles`."""
-    host: HostName
+    host: _base.HostName
     """The gateway of the site where the robot is; the robot knows it by its `ssh.host_key`."""
-    address: Address | None = None
+    address: _base.Address | None = None
     """Of the robot, at that site; None: that of its DHCP reservation there."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] = 22
     """Of the robot's SSH server."""
-    user: Account
+    user: _base.Account
     """The account on the robot; it need not see more than the folder."""
     host_key: SshKey
     """Of the robot's SSH server, like the line of its `/etc/ssh/ssh_host_ed25519_key.pub`."""
@@ -79,10 +81,10 @@ class RetrievalRobot(Model):
         return self.robot
 
 
-class Retrieval(Model):
+class Retrieval(_base.Model):
     """Recordings that `provision retrieve` brings to the control centre, from gateways and robots, through the VPN."""
 
-    to: HostName
+    to: _base.HostName
     """The control centre; its `ssh.host_key` is declared, for that is how gateways know it."""
     folder: DataFolder = "/srv/recordings"
     """On the control centre: below it each gateway and robot has a folder with its name. Nothing else stands in it."""
@@ -96,7 +98,7 @@ class Retrieval(Model):
     @model_validator(mode="after")
     def _some(self) -> Self:
         if not self.all_sources:
-            raise wrong("nothing is declared to be retrieved", "write `sources:`, or `robots:`")
+            raise _base.wrong("nothing is declared to be retrieved", "write `sources:`, or `robots:`")
         return self
 
     @property

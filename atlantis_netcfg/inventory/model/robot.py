@@ -10,9 +10,9 @@ from urllib.parse import urlsplit
 
 from pydantic import BeforeValidator, StrictBool
 
-from atlantis_netcfg.inventory.model import Model, SecretText, TelemetryData, Text
-from atlantis_netcfg.inventory.model._base import plain, text_like, wrong
-from atlantis_netcfg.inventory.robots.ros_names import resolve, why_no_name, why_no_type
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.inventory.model import _base
+from atlantis_netcfg.inventory.robots import ros_names
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -21,42 +21,42 @@ _SCHEMES = ("rtsp", "http", "https", "udp")
 
 
 def _ros_name(value: object) -> str:
-    text = plain(value)
-    if why := why_no_name(text):
-        raise wrong(*why)
+    text = _base.plain(value)
+    if why := ros_names.why_no_name(text):
+        raise _base.wrong(*why)
     return text
 
 
 def _ros_type(value: object) -> str:
-    text = plain(value)
-    if why := why_no_type(text):
-        raise wrong(*why)
+    text = _base.plain(value)
+    if why := ros_names.why_no_type(text):
+        raise _base.wrong(*why)
     return text
 
 
 def _video_link(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     like = "a link is like rtsp://10.64.1.23:8554/bow"
     try:
         parts = urlsplit(text)
         _ = parts.port  # raises ValueError where it is no number
     except ValueError:
-        raise wrong("this is no link to a video stream", like) from None
+        raise _base.wrong("this is no link to a video stream", like) from None
     if parts.scheme not in _SCHEMES:
-        raise wrong(f"a video stream begins with one of {', '.join(_SCHEMES)}", like)
+        raise _base.wrong(f"a video stream begins with one of {', '.join(_SCHEMES)}", like)
     if not parts.hostname or re.search(r"\s", text):
-        raise wrong("this link names no computer", like)
+        raise _base.wrong("this link names no computer", like)
     if parts.password is not None:
-        raise wrong(
+        raise _base.wrong(
             "a password in a link is shown to every operator", "let the camera do without, or use a link of its own"
         )
     return text
 
 
 _NAME_PATTERN = "^/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$"
-RosName = Annotated[str, BeforeValidator(_ros_name), text_like(_NAME_PATTERN, maxLength=200)]
-RosType = Annotated[str, BeforeValidator(_ros_type), text_like("^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$")]
-VideoLink = Annotated[str, BeforeValidator(_video_link), text_like(f"^({'|'.join(_SCHEMES)})://")]
+RosName = Annotated[str, BeforeValidator(_ros_name), _base.text_like(_NAME_PATTERN, maxLength=200)]
+RosType = Annotated[str, BeforeValidator(_ros_type), _base.text_like("^[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*$")]
+VideoLink = Annotated[str, BeforeValidator(_video_link), _base.text_like(f"^({'|'.join(_SCHEMES)})://")]
 
 
 class TopicKind(StrEnum):
@@ -80,9 +80,9 @@ class TopicKind(StrEnum):
         return self in {TopicKind.POSE, TopicKind.GPS}
 
     @property
-    def data(self) -> TelemetryData:
+    def data(self) -> model.TelemetryData:
         """By which guideline its rate is judged."""
-        return _DATA.get(self, TelemetryData.NUMBERS)
+        return _DATA.get(self, model.TelemetryData.NUMBERS)
 
 
 _TYPES = {
@@ -93,15 +93,15 @@ _TYPES = {
     TopicKind.GPS: "sensor_msgs/msg/NavSatFix",
     TopicKind.POINT_CLOUD: "sensor_msgs/msg/PointCloud",
 }
-_DATA = {TopicKind.IMAGE: TelemetryData.IMAGES, TopicKind.POINT_CLOUD: TelemetryData.POINT_CLOUDS}
+_DATA = {TopicKind.IMAGE: model.TelemetryData.IMAGES, TopicKind.POINT_CLOUD: model.TelemetryData.POINT_CLOUDS}
 
 
-class Topic(Model):
+class Topic(model.Model):
     """A topic that the robot publishes."""
 
     topic: RosName
     """Its name: relative to the namespace, or full with a `/` before it."""
-    label: Text | None = None
+    label: model.Text | None = None
     """What operators see; null: the topic's name."""
     type: RosType | None = None
     """Of its messages, where it is not the report's."""
@@ -110,11 +110,11 @@ class Topic(Model):
 class NumberTopic(Topic):
     """A number that the robot publishes."""
 
-    unit: Text | None = None
+    unit: model.Text | None = None
     """Of the number, as operators see it."""
 
 
-class Pose(Model):
+class Pose(model.Model):
     """Where the robot's position and orientation come from: one of the two."""
 
     topic: RosName | None = None
@@ -123,7 +123,7 @@ class Pose(Model):
     """The robot's program calls the library with it."""
 
 
-class MissionExecutor(Model):
+class MissionExecutor(model.Model):
     """Who carries out a plan: one of the two."""
 
     action: RosName | None = None
@@ -132,7 +132,7 @@ class MissionExecutor(Model):
     """A function that the robot's program registers at the library."""
 
 
-class Telemetry(Model):
+class Telemetry(model.Model):
     """The topics that the control centre shows, by what they carry."""
 
     booleans: tuple[Topic, ...] = ()
@@ -149,16 +149,16 @@ class Telemetry(Model):
     """Of `sensor_msgs/msg/PointCloud`."""
 
 
-class VideoStream(Model):
+class VideoStream(model.Model):
     """A video that operators can open."""
 
-    label: Text
+    label: model.Text
     """What operators see."""
     url: VideoLink
     """rtsp, http, https or udp; without a password."""
 
 
-class CommandCondition(Model):
+class CommandCondition(model.Model):
     """When an operator may give a command."""
 
     topic: RosName
@@ -167,12 +167,12 @@ class CommandCondition(Model):
     """What it must have said last."""
 
 
-class RobotCommand(Model):
+class RobotCommand(model.Model):
     """An action of the robot that an operator may ask for."""
 
     action: RosName
     """The ROS action: its name relative to the namespace, or full with a `/` before it."""
-    label: Text
+    label: model.Text
     """What operators see."""
     condition: CommandCondition | None = None
     """Null: it may be given at any time."""
@@ -204,7 +204,7 @@ _ACTIONS = {
 }
 
 
-class RobotCommands(Model):
+class RobotCommands(model.Model):
     """What operators may ask of the robot, by what is sent with it."""
 
     plain: tuple[RobotCommand, ...] = ()
@@ -242,14 +242,14 @@ class OfferedAction:
     """Where it stands in the file."""
 
 
-class RobotFile(Model):
+class RobotFile(model.Model):
     """A robot as it introduces itself to the control centre."""
 
     version: Literal[1] = 1
     """Of this form of the file."""
     namespace: RosName
     """Unique in the pilot; operators see it as the robot's name."""
-    token: SecretText
+    token: model.SecretText
     """Proves to the control centre that it is this robot."""
     pose: Pose
     """Where its position and orientation come from."""
@@ -296,4 +296,4 @@ class RobotFile(Model):
 
     def full_name(self, name: str) -> str:
         """A topic or an action of this robot with its namespace."""
-        return resolve(name, self.namespace)
+        return ros_names.resolve(name, self.namespace)

@@ -12,18 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator, Field, StrictInt
 
-from atlantis_netcfg.inventory.model._base import (
-    Account,
-    Model,
-    Name,
-    SecretText,
-    Sha256,
-    Text,
-    Transport,
-    plain,
-    text_like,
-    wrong,
-)
+from atlantis_netcfg.inventory.model import _base
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,9 +21,9 @@ if TYPE_CHECKING:
 
 
 def _command(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     if not re.fullmatch(r"/[!-~]+( +[!-~]+)*", text) or any(sign in text for sign in "%$\\'\"`"):
-        raise wrong(
+        raise _base.wrong(
             f"`{text}` is no command", "the program's whole path and its arguments, like /opt/backend/run --port 8443"
         )
     return text
@@ -44,7 +33,7 @@ def matching(pattern: str, build_error: Callable[[str], PydanticCustomError]) ->
     """A validator of texts that one pattern describes."""
 
     def validate(value: object) -> str:
-        text = plain(value)
+        text = _base.plain(value)
         if ".." in text or not re.fullmatch(pattern.strip("^$"), text):
             raise build_error(text)
         return text
@@ -53,12 +42,14 @@ def matching(pattern: str, build_error: Callable[[str], PydanticCustomError]) ->
 
 
 def _master(value: object) -> str:
-    text = plain(value)
+    text = _base.plain(value)
     match = re.fullmatch(r"http://([0-9.]+):[0-9]{1,5}/?", text)
     try:
         IPv4Address(match[1] if match else "")
     except ValueError:
-        raise wrong(f"`{text}` is no master of ROS 1", "its address and port, like http://192.0.2.10:11311") from None
+        raise _base.wrong(
+            f"`{text}` is no master of ROS 1", "its address and port, like http://192.0.2.10:11311"
+        ) from None
     return text.rstrip("/")
 
 
@@ -71,59 +62,66 @@ _TOPIC = "^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 _FOLDER = r"^/(srv|var/lib|mnt)(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$"
 Topic = Annotated[
     str,
-    matching(_TOPIC, lambda text: wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")),
-    text_like(_TOPIC),
+    matching(
+        _TOPIC, lambda text: _base.wrong(f"`{text}` is no topic of ROS 2", "its whole name, like /girona500/pose")
+    ),
+    _base.text_like(_TOPIC),
 ]
 DataFolder = Annotated[
     str,
     matching(
         _FOLDER,
-        lambda text: wrong(
+        lambda text: _base.wrong(
             f"`{text}` is no folder for a service's data", "its whole path below /srv, /var/lib or /mnt"
         ),
     ),
-    text_like(_FOLDER),
+    _base.text_like(_FOLDER),
 ]
 ArchiveName = Annotated[
     str,
     matching(
         _ARCHIVE,
-        lambda text: wrong(f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"),
+        lambda text: _base.wrong(
+            f"`{text}` is no name of a file", "a file in `images` of the inventory, like backend.tar"
+        ),
     ),
-    text_like(_ARCHIVE),
+    _base.text_like(_ARCHIVE),
 ]
 ContainerPath = Annotated[
     str,
     matching(
         _INSIDE,
-        lambda text: wrong(
+        lambda text: _base.wrong(
             f"`{text}` is no place in a container", "like /data, or below /home, /mnt, /opt, /srv or /var"
         ),
     ),
-    text_like(_INSIDE),
+    _base.text_like(_INSIDE),
 ]
 VariableName = Annotated[
     str,
     matching(
-        _VARIABLE, lambda text: wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB")
+        _VARIABLE,
+        lambda text: _base.wrong(f"`{text}` is no name of a variable", "capitals, digits and _, like POSTGRES_DB"),
     ),
-    text_like(_VARIABLE),
+    _base.text_like(_VARIABLE),
 ]
 Arguments = Annotated[
     str,
     matching(
         _ARGUMENTS,
-        lambda text: wrong(f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"),
+        lambda text: _base.wrong(
+            f"`{text}` is no line of arguments", "words without quotation marks, like --port 18082"
+        ),
     ),
-    text_like(_ARGUMENTS),
+    _base.text_like(_ARGUMENTS),
 ]
 MessageType = Annotated[
     str,
     matching(
         _MESSAGE_TYPE,
-        lambda text: wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
+        lambda text: _base.wrong(f"`{text}` is no type of ROS 2", "package, msg and name, like std_msgs/msg/String"),
     ),
-    text_like(_MESSAGE_TYPE),
+    _base.text_like(_MESSAGE_TYPE),
 ]
 
 
@@ -143,10 +141,10 @@ class ServiceRestart(StrEnum):
     ON_FAILURE = "on-failure"
 
 
-class ServiceBounds(Model):
+class ServiceBounds(_base.Model):
     """Within which bounds a service runs."""
 
-    user: Account | None = None
+    user: _base.Account | None = None
     """None: an account of its own, `svc-` and the service's name."""
     data: DataFolder | None = None
     """Its folder, the only one that it may write to; None: `/var/lib/svc-` and the service's name."""
@@ -159,7 +157,7 @@ class ServiceBounds(Model):
 class ServiceProgram(ServiceBounds):
     """A program that the computer starts for a service."""
 
-    command: Annotated[str, BeforeValidator(_command), text_like("^/[!-~ ]+$")]
+    command: Annotated[str, BeforeValidator(_command), _base.text_like("^/[!-~ ]+$")]
     """With its arguments, from the root; a partner brings the program."""
 
     @property
@@ -168,23 +166,23 @@ class ServiceProgram(ServiceBounds):
         return self.command.split(" ", 1)[0]
 
 
-class ImageArchive(Model):
+class ImageArchive(_base.Model):
     """An image of a container, in one file of `docker save` or `podman save`; no registry is ever contacted."""
 
     archive: ArchiveName
     """Name of the file in the folder `images` of the inventory."""
-    sha256: Sha256
+    sha256: _base.Sha256
     """Of the file: `sha256sum` prints it. Another file is not loaded."""
 
 
-class EnvironmentVariable(Model):
+class EnvironmentVariable(_base.Model):
     """A variable of a container's environment: a value that everybody may see, or a secret."""
 
     name: VariableName
     """As the image's maker calls it."""
-    value: Text | None = None
+    value: _base.Text | None = None
     """In one line."""
-    secret: SecretText | None = None
+    secret: _base.SecretText | None = None
     """In its place: vaulted, or EXAMPLE-…. In one line."""
 
 
@@ -201,18 +199,18 @@ class ServiceContainer(ServiceBounds, ImageArchive):
     """What the container is told by its environment."""
 
 
-class HostedService(Model):
+class HostedService(_base.Model):
     """A service on a computer of ours: the port that is opened for it, for whom, and what runs."""
 
-    name: Annotated[Name, Field(max_length=20)]
+    name: Annotated[_base.Name, Field(max_length=20)]
     """Small letters, digits and hyphens, 20 characters at most: its unit and its account bear it."""
-    transport: Transport = Transport.TCP
+    transport: _base.Transport = _base.Transport.TCP
     """What the service speaks: web, REST, OGC, WebSocket and socket.IO are all `tcp`."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """At which it listens; None: at none."""
     open_to: tuple[ServiceNetwork, ...] = ()
     """Which of our own networks reach its port; none: the computer itself alone."""
-    partners: tuple[Name, ...] = ()
+    partners: tuple[_base.Name, ...] = ()
     """Keys of `partners` whose devices reach its port through the VPN."""
     program: ServiceProgram | None = None
     """Neither this nor a container: whoever brings the service also starts it, and only its port is opened here."""
@@ -225,7 +223,7 @@ class HostedService(Model):
         return self.program or self.container
 
 
-class Recording(Model):
+class Recording(_base.Model):
     """Topics of ROS 2 that are written to the disk, as bags of rosbag2."""
 
     topics: Annotated[tuple[Topic, ...], Field(min_length=1)]
@@ -240,7 +238,7 @@ ROS1_BRIDGE = "ros1-bridge"
 """The name of the service that the bridge is."""
 
 
-class BridgedTopic(Model):
+class BridgedTopic(_base.Model):
     """A topic of ROS 1 and of ROS 2, which have the same name."""
 
     topic: Topic
@@ -249,14 +247,14 @@ class BridgedTopic(Model):
     """As ROS 2 calls it."""
 
 
-class Ros1Bridge(Model):
+class Ros1Bridge(_base.Model):
     """`ros1_bridge`: topics of a ROS 1 robot in ROS 2, and back. A package beside foxy, elsewhere in a container."""
 
     archive: ArchiveName | None = None
     """Of its image, in the folder `images` of the inventory; None: beside foxy, which has a package."""
-    sha256: Sha256 | None = None
+    sha256: _base.Sha256 | None = None
     """Of that file: `sha256sum` prints it. Another file is not loaded."""
-    master_uri: Annotated[str, BeforeValidator(_master), text_like(r"^http://[0-9.]+:[0-9]{1,5}/?$")]
+    master_uri: Annotated[str, BeforeValidator(_master), _base.text_like(r"^http://[0-9.]+:[0-9]{1,5}/?$")]
     """ROS_MASTER_URI: the master of ROS 1, by its address. That computer reaches the bridge at any port of its own."""
     topics: tuple[BridgedTopic, ...] = ()
     """None: all that there are on both sides."""

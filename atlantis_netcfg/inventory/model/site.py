@@ -13,18 +13,7 @@ from typing import Annotated
 from pydantic import Field, StrictBool, StrictFloat, StrictInt
 
 from atlantis_netcfg.core.packets import ECHO_BYTES
-from atlantis_netcfg.inventory.model._base import (
-    Address,
-    Currency,
-    DnsName,
-    HostName,
-    MacAddress,
-    Model,
-    Name,
-    Network,
-    Text,
-    Transport,
-)
+from atlantis_netcfg.inventory.model import _base
 from atlantis_netcfg.inventory.model.checklist import ChecklistSettings
 from atlantis_netcfg.inventory.model.dds import Dds, DdsPath
 from atlantis_netcfg.inventory.model.endpoints import Endpoints
@@ -42,51 +31,51 @@ class TrafficClass(StrEnum):
     BULK = "bulk"
 
 
-class Reservation(Model):
+class Reservation(_base.Model):
     """A DHCP address that always goes to the same network card."""
 
-    name: Name
+    name: _base.Name
     """Of the device that gets it; a host's own name where it is one of the inventory."""
-    mac: MacAddress
+    mac: _base.MacAddress
     """Of its network card."""
-    address: Address
+    address: _base.Address
     """In the LAN, outside the DHCP range."""
     traffic: TrafficClass = TrafficClass.CONTROL
     """What all that it sends counts as in the queue of a thin link; topics inside a tunnel cannot be told apart."""
 
 
-class DhcpRange(Model):
+class DhcpRange(_base.Model):
     """Addresses that are handed to unknown devices."""
 
-    first: Address
+    first: _base.Address
     """Of the range."""
-    last: Address
+    last: _base.Address
     """Of the range, included."""
     lease_minutes: Annotated[StrictInt, Field(ge=2, le=10080)] = 60
     """How long an address stays with a device that went silent."""
 
 
-class Lan(Model):
+class Lan(_base.Model):
     """The site's local network: robots, gateway, operator stations."""
 
-    network: Network
+    network: _base.Network
     """Room for a router, a gateway computer and robots: /29 or larger."""
-    gateway: Address
+    gateway: _base.Address
     """The router's own address in it."""
-    domain: DnsName
+    domain: _base.DnsName
     """DNS suffix of the LAN's names."""
     dhcp: DhcpRange
     reservations: tuple[Reservation, ...] = ()
 
 
-class Management(Model):
+class Management(_base.Model):
     """The network of the router's management port, where a technician's laptop stands."""
 
-    network: Network
+    network: _base.Network
     """Apart from the LAN."""
-    technician: Address
+    technician: _base.Address
     """Address of the laptop on that port."""
-    admit: Annotated[tuple[Network, ...], Field(min_length=1)]
+    admit: Annotated[tuple[_base.Network, ...], Field(min_length=1)]
     """Prefixes from which the routers' own firewall admits management."""
 
 
@@ -140,7 +129,7 @@ BEARER_TRAITS: dict[BearerKind, BearerTraits] = {
 """One row a kind: a new one is a name above and its row here."""
 
 
-class LinkGap(Model):
+class LinkGap(_base.Model):
     """Times in which a link carries nothing, both ways; a rehearsal draws when they come."""
 
     length_s: Annotated[StrictFloat, Field(gt=0, le=600)]
@@ -149,7 +138,7 @@ class LinkGap(Model):
     """How many there are in an hour."""
 
 
-class LinkRate(Model):
+class LinkRate(_base.Model):
     """What a bearer can do, for estimates and rehearsals. Jitter, loss and gaps count in rehearsals only."""
 
     rtt_ms: Annotated[StrictFloat, Field(gt=0, le=5000)]
@@ -166,10 +155,10 @@ class LinkRate(Model):
     """Times in which it carries nothing; all together at most half of an hour in each."""
 
 
-class Billing(Model):
+class Billing(_base.Model):
     """How the provider counts and what it asks, from the contract; a tariff that nobody has looked up is left out."""
 
-    currency: Currency = "EUR"
+    currency: _base.Currency = "EUR"
     """ISO 4217."""
     price_per_mb: Annotated[StrictFloat, Field(ge=0)]
     """For 10^6 bytes, both directions counted together."""
@@ -185,7 +174,7 @@ LONGEST_PAUSE_S = 600
 """Between two questions to a canary; more seldom asked, a dead link would carry the traffic for too long."""
 
 
-class Failover(Model):
+class Failover(_base.Model):
     """When traffic leaves a link of the site, and when it comes back."""
 
     hold_down_s: Annotated[StrictInt, Field(ge=20, le=600)] = 20
@@ -196,18 +185,18 @@ class Failover(Model):
     """How often each canary of a link that costs by the byte is asked while all is well, in seconds; others: 5 s."""
 
 
-class AllowedTarget(Model):
+class AllowedTarget(_base.Model):
     """A destination that may be reached over the satellite, besides the VPN and the time servers."""
 
-    name: Text
+    name: _base.Text
     """What it is for."""
-    address: Address
+    address: _base.Address
     """One host; a network cannot be admitted."""
-    dns_name: DnsName | None = None
+    dns_name: _base.DnsName | None = None
     """The name behind the address, where there is one: that both still agree is checked, because names move."""
     port: Annotated[StrictInt, Field(ge=1, le=65535)] | None = None
     """None admits every port; with a port, `transport` says of which protocol."""
-    transport: Transport = Transport.UDP
+    transport: _base.Transport = _base.Transport.UDP
     """The protocol of `port`."""
 
 
@@ -215,14 +204,14 @@ _THIN_KBPS = 2000.0
 _MONTH_S = 30 * 24 * 3600
 
 
-class Bearer(Model):
+class Bearer(_base.Model):
     """A long-haul link of the site. The order of the list is the order of preference."""
 
-    name: Name
+    name: _base.Name
     """What the link is called in plans and in `via=`."""
     kind: BearerKind
     """What carries it."""
-    device: HostName | None = None
+    device: _base.HostName | None = None
     """The box at this end: CPE, 4G router or satellite terminal; none for a plain cable."""
     metered: StrictBool
     """True if every byte costs."""
@@ -236,13 +225,13 @@ class Bearer(Model):
     """Metered links with a tariff in EUR only: the same as money."""
     dds: StrictBool | None = None
     """Whether DDS of the gateways crosses the link; null: only where `metered` is false."""
-    network: Network
+    network: _base.Network
     """Between the router and the next hop."""
-    address: Address
+    address: _base.Address
     """The router's own address in `network`."""
-    gateway: Address
+    gateway: _base.Address
     """The next hop."""
-    canaries: tuple[Address, ...] = ()
+    canaries: tuple[_base.Address, ...] = ()
     """Two addresses beyond the link, pinged over it and used for nothing else; none: the link is not probed."""
     canary_budget_mb: Annotated[StrictFloat, Field(gt=0)] | None = None
     """Metered links only, a must for a satellite's canaries: what they may take in a month, in 10^6 bytes."""
@@ -284,22 +273,22 @@ class Bearer(Model):
         return self.kind.traits.allow_list or self.rate.up_kbps < _THIN_KBPS
 
 
-class ServedLink(Model):
+class ServedLink(_base.Model):
     """A link that ends here and carries another site: the SCC's end of the Wi-Fi bridge."""
 
-    name: Name
+    name: _base.Name
     """What the link is called here."""
-    device: HostName
+    device: _base.HostName
     """The CPE at this end."""
-    network: Network
+    network: _base.Network
     """The same as at the other end."""
-    address: Address
+    address: _base.Address
     """The router's own address in `network`."""
-    carries: Name
+    carries: _base.Name
     """The site at the other end."""
 
 
-class LocationRow(Model):
+class LocationRow(_base.Model):
     """The location's own row of the checklist; the report's location rows are lost, so it starts empty."""
 
     table3: tuple[Column, ...] = ()
@@ -310,10 +299,10 @@ class LocationRow(Model):
     """How the pre-test checklist looks at each; the bearers speak for satellite, 4G and the Wi-Fi bridge."""
 
 
-class Site(Model):
+class Site(_base.Model):
     """A place of the pilot."""
 
-    title: Text
+    title: _base.Text
     """What people call the place."""
     lan: Lan
     management: Management

@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, StrictBool, StrictFloat, StrictInt, model_validator
 
-from atlantis_netcfg.inventory.model import (
-    Address,
-    DnsName,
-    ImageLayout,
-    LinkRate,
-    LteDriver,
-    Name,
-    Network,
-    RosDistribution,
-    Ssid,
-    Text,
-)
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.model._base import Model, wrong
 from atlantis_netcfg.inventory.model.computer import SshKey
 
@@ -40,9 +29,9 @@ def _room(longest: int) -> Callable[[IPv4Network], IPv4Network]:
     return check
 
 
-LocalNetwork = Annotated[Network, AfterValidator(_room(26))]
-LinkNetwork = Annotated[Network, AfterValidator(_room(29))]
-VpnNetwork = Annotated[Network, AfterValidator(_room(20))]
+LocalNetwork = Annotated[model.Network, AfterValidator(_room(26))]
+LinkNetwork = Annotated[model.Network, AfterValidator(_room(29))]
+VpnNetwork = Annotated[model.Network, AfterValidator(_room(20))]
 MOST_SITES = 80
 """Each has its addresses in the infrastructure's pool."""
 Ports = Annotated[StrictInt, Field(ge=4, le=48)]
@@ -51,15 +40,15 @@ Ports = Annotated[StrictInt, Field(ge=4, le=48)]
 class CableAnswers(Model):
     """A plain cable to a provider."""
 
-    network: Network | None = None
+    network: model.Network | None = None
     """Between the router and the provider's box."""
-    address: Address | None = None
+    address: model.Address | None = None
     """The router's own address in it."""
-    gateway: Address | None = None
+    gateway: model.Address | None = None
     """The provider's box."""
-    canaries: tuple[Address, ...] = ()
+    canaries: tuple[model.Address, ...] = ()
     """Two addresses beyond the link that may be pinged."""
-    rate: LinkRate | None = None
+    rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
 
@@ -68,7 +57,7 @@ class BridgeAnswers(Model):
 
     network: LinkNetwork | None = None
     """Of the bridge, both ends."""
-    ssid: Ssid | None = None
+    ssid: model.Ssid | None = None
     """Name of the radio network."""
     protocol: Literal["nv2", "802.11"] = "nv2"
     """What the radios speak; `wifi` menus know 802.11 only."""
@@ -80,9 +69,9 @@ class BridgeAnswers(Model):
     """Of the antennas, from their data sheet."""
     tx_power_dbm: Annotated[StrictInt, Field(ge=0, le=40)] | None = None
     """At the antenna's socket."""
-    canaries: tuple[Address, ...] = ()
+    canaries: tuple[model.Address, ...] = ()
     """Two addresses beyond the link that may be pinged."""
-    rate: LinkRate | None = None
+    rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
 
@@ -91,15 +80,15 @@ class LteAnswers(Model):
 
     network: LinkNetwork | None = None
     """Between the router and the unit."""
-    driver: LteDriver = LteDriver.MANUAL
+    driver: model.LteDriver = model.LteDriver.MANUAL
     """How the unit is spoken to."""
-    apn: Text | None = None
+    apn: model.Text | None = None
     """From the SIM's contract; none: the network's own."""
     price_per_mb: Annotated[StrictFloat, Field(ge=0)] | None = None
     """In EUR for 10^6 bytes, from the contract; none: costs are told in bytes."""
-    canaries: tuple[Address, ...] = ()
+    canaries: tuple[model.Address, ...] = ()
     """Two addresses beyond the link that may be pinged."""
-    rate: LinkRate | None = None
+    rate: model.LinkRate | None = None
     """Round trip in ms, up and down in kbit/s."""
 
 
@@ -117,20 +106,20 @@ class GatewayAnswers(Model):
 
     ssh_key: SshKey | None = None
     """The line of a technician's .pub file; none: no card is made."""
-    layout: ImageLayout = ImageLayout.ODROID_N2
+    layout: model.ImageLayout = model.ImageLayout.ODROID_N2
     """Of the vendor's image; the report's computer is an ODROID N2."""
 
 
 class SiteAnswers(Model):
     """A test site."""
 
-    title: Text | None = None
+    title: model.Text | None = None
     """What people call the place; none: its name."""
     lan: LocalNetwork | None = None
     """The local network."""
     management: LocalNetwork | None = None
     """The network of the router's management port, where a technician's laptop stands."""
-    domain: DnsName | None = None
+    domain: model.DnsName | None = None
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
     """How many Ethernet ports the router has."""
@@ -144,15 +133,15 @@ class SiteAnswers(Model):
 class CentreAnswers(Model):
     """The far end of all links, where the VPN's server stands."""
 
-    name: Name = "scc"
+    name: model.Name = "scc"
     """Short name of the place."""
-    title: Text | None = None
+    title: model.Text | None = None
     """What people call the place; none: its name."""
     lan: LocalNetwork | None = None
     """The local network."""
     management: LocalNetwork | None = None
     """The network of the router's management port, where a technician's laptop stands."""
-    domain: DnsName | None = None
+    domain: model.DnsName | None = None
     """DNS suffix of the local network."""
     router_ports: Ports | None = None
     """How many Ethernet ports the router has."""
@@ -164,9 +153,9 @@ class CentreAnswers(Model):
 class VpnAnswers(Model):
     """The OpenVPN that joins sites, robots and partners."""
 
-    endpoint: Address | None = None
+    endpoint: model.Address | None = None
     """Public address at which every site reaches the server."""
-    endpoint_name: DnsName | None = None
+    endpoint_name: model.DnsName | None = None
     """DNS name in the server's certificate."""
     network: VpnNetwork | None = None
     """All tunnel addresses."""
@@ -175,15 +164,15 @@ class VpnAnswers(Model):
 class PilotAnswers(Model):
     """What holds for every site."""
 
-    name: Text
+    name: model.Text
     """What the pilot is called."""
     country: Literal["portugal", "belgium"]
     """Regulatory domain of the radios."""
-    time_zone: Text | None = None
+    time_zone: model.Text | None = None
     """Of the IANA database; none: the country's."""
-    time_servers: tuple[Address, ...] = ()
+    time_servers: tuple[model.Address, ...] = ()
     """Addresses of time servers that every site reaches."""
-    ros_distribution: RosDistribution | None = None
+    ros_distribution: model.RosDistribution | None = None
     """Release of ROS 2 on the gateways; none: neither ROS nor DDS is set up."""
     partners: tuple[Literal["inesc", "iqua", "eca", "udg", "vtt"], ...] = ()
     """Organisations of the report that join through the VPN."""
@@ -195,7 +184,7 @@ class InventoryAnswers(Model):
     pilot: PilotAnswers
     vpn: VpnAnswers = VpnAnswers()
     control_centre: CentreAnswers = CentreAnswers()
-    sites: Annotated[dict[Name, SiteAnswers], Field(min_length=1, max_length=MOST_SITES)]
+    sites: Annotated[dict[model.Name, SiteAnswers], Field(min_length=1, max_length=MOST_SITES)]
 
     @model_validator(mode="after")
     def _names(self) -> Self:

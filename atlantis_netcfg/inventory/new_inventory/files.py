@@ -10,15 +10,14 @@ from dataclasses import dataclass, field
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.json_schema import modeline
-from atlantis_netcfg.inventory.model import LteDriver, RosDistribution
-from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document, has_examples
+from atlantis_netcfg.inventory.new_inventory import yaml_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from atlantis_netcfg.inventory.model import LinkRate
     from atlantis_netcfg.inventory.new_inventory.answers import (
         BridgeAnswers,
         CableAnswers,
@@ -49,13 +48,13 @@ class AnsweredNetwork:
     is_example: bool
 
     @property
-    def value(self) -> Value:
+    def value(self) -> yaml_text.Value:
         """The network itself."""
-        return Value(self.network, self.is_example)
+        return yaml_text.Value(self.network, self.is_example)
 
-    def at(self, number: int) -> Value:
+    def at(self, number: int) -> yaml_text.Value:
         """Its address of that number; a negative one counts from the end."""
-        return Value(self.network[number], self.is_example)
+        return yaml_text.Value(self.network[number], self.is_example)
 
 
 def network_or_example(answer: IPv4Network | None, example: str) -> AnsweredNetwork:
@@ -63,9 +62,9 @@ def network_or_example(answer: IPv4Network | None, example: str) -> AnsweredNetw
     return AnsweredNetwork(answer if answer is not None else IPv4Network(example), answer is None)
 
 
-def value_or_example(answer: Any, example: Any) -> Value:  # noqa: ANN401 - any scalar
+def value_or_example(answer: Any, example: Any) -> yaml_text.Value:  # noqa: ANN401 - any scalar
     """The answered value, else the example."""
-    return Value(answer if answer is not None else example, answer is None)
+    return yaml_text.Value(answer if answer is not None else example, answer is None)
 
 
 @dataclass(slots=True)
@@ -79,7 +78,7 @@ class InventoryWriter:
     """None: nobody has a password for the vault, so secrets are examples."""
     hosts: dict[str, dict[str, str]] = field(default_factory=dict)
     """Site -> host -> kind."""
-    trees: dict[str, tuple[str, str, dict[str, Tree]]] = field(default_factory=dict)
+    trees: dict[str, tuple[str, str, dict[str, yaml_text.Tree]]] = field(default_factory=dict)
     """File -> its first comment, its schema, what it holds."""
 
     @property
@@ -98,20 +97,20 @@ class InventoryWriter:
         pools = self.vpn.network.subnets(new_prefix=24)
         return [next(pools) for _ in range(1 + len(PARTNERS))]
 
-    def tunnel(self, number: int) -> Value:
+    def tunnel(self, number: int) -> yaml_text.Value:
         """An address of the infrastructure's pool."""
-        return Value(self.pools[0][number], self.vpn.is_example)
+        return yaml_text.Value(self.pools[0][number], self.vpn.is_example)
 
-    def secret(self, name: str) -> Tree:
+    def secret(self, name: str) -> yaml_text.Tree:
         """A new secret, encrypted; an example where nothing can encrypt it."""
         if self.encrypt is None:
-            return Value(f"EXAMPLE-{name}", is_example=True)
-        return VaultSecret(self.encrypt(secrets.token_urlsafe(18)))
+            return yaml_text.Value(f"EXAMPLE-{name}", is_example=True)
+        return yaml_text.VaultSecret(self.encrypt(secrets.token_urlsafe(18)))
 
-    def add(self, site: str, host: str, kind: str, comment: str, device: Mapping[str, Tree]) -> None:
+    def add(self, site: str, host: str, kind: str, comment: str, device: Mapping[str, yaml_text.Tree]) -> None:
         """One more host with its file."""
         self.hosts.setdefault(site, {})[host] = kind
-        tree: dict[str, Tree] = {"device": {"kind": kind, **device}}
+        tree: dict[str, yaml_text.Tree] = {"device": {"kind": kind, **device}}
         self.trees[f"host_vars/{host}.yml"] = (comment, kind, tree)
 
 
@@ -125,10 +124,10 @@ def files(
         _site(writer, number, name, place)
     _partners(writer)
     _vehicles(writer)
-    is_example = any(has_examples(tree) for _, _, tree in writer.trees.values()) or has_examples(
+    is_example = any(yaml_text.has_examples(tree) for _, _, tree in writer.trees.values()) or yaml_text.has_examples(
         _pilot(writer, example_values=False)
     )
-    pilot: dict[str, Tree] = {"pilot": _pilot(writer, example_values=is_example)}
+    pilot: dict[str, yaml_text.Tree] = {"pilot": _pilot(writer, example_values=is_example)}
     writer.trees["group_vars/all/pilot.yml"] = ("What holds for the whole pilot.", "pilot", pilot)
     writer.trees["hosts.yml"] = (
         "Every host of the pilot: once under its site, once under what it is.",
@@ -138,20 +137,22 @@ def files(
     return {path: _text(path, *row) for path, row in sorted(writer.trees.items())}
 
 
-def _text(path: str, comment: str, schema: str, tree: dict[str, Tree]) -> str:
+def _text(path: str, comment: str, schema: str, tree: dict[str, yaml_text.Tree]) -> str:
     comments = [modeline(schema, path.count("/")), f"# {comment}"]
     if "host_vars/" in path:
         comments.append("# Secrets: ansible-vault encrypt_string --stdin-name password")
-    if has_examples(tree):
+    if yaml_text.has_examples(tree):
         comments.append(
             "# Replace what is marked EXAMPLE, and delete the mark: `provision validate --examples` lists it."
         )
-    return document(tree, comments)
+    return yaml_text.document(tree, comments)
 
 
-def _hosts(writer: InventoryWriter) -> dict[str, Tree]:
-    sites: dict[str, Tree] = {site: {"hosts": dict.fromkeys(hosts, None)} for site, hosts in writer.hosts.items()}
-    groups: dict[str, Tree] = {"sites": {"children": sites}}
+def _hosts(writer: InventoryWriter) -> dict[str, yaml_text.Tree]:
+    sites: dict[str, yaml_text.Tree] = {
+        site: {"hosts": dict.fromkeys(hosts, None)} for site, hosts in writer.hosts.items()
+    }
+    groups: dict[str, yaml_text.Tree] = {"sites": {"children": sites}}
     for group, kind in KIND_GROUPS.items():
         group_hosts = [host for hosts in writer.hosts.values() for host, sort in hosts.items() if sort == kind]
         if group_hosts:
@@ -159,7 +160,7 @@ def _hosts(writer: InventoryWriter) -> dict[str, Tree]:
     return {"all": {"children": groups}}
 
 
-def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
+def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, yaml_text.Tree]:
     answers = writer.answers
     servers = answers.pilot.time_servers or (None,)
     example = ("ntp.example.org", "192.0.2.123")
@@ -167,7 +168,7 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
         value_or_example(None if server is None else f"time server {n}", example[0])
         for n, server in enumerate(servers, 1)
     ]
-    pilot: dict[str, Tree] = {
+    pilot: dict[str, yaml_text.Tree] = {
         "name": answers.pilot.name,
         "example_values": example_values,
         "country": answers.pilot.country,
@@ -183,20 +184,20 @@ def _pilot(writer: InventoryWriter, *, example_values: bool) -> dict[str, Tree]:
             "port": 1194,
             "transport": "udp",
             "network": writer.vpn.value,
-            "infrastructure": Value(writer.pools[0], writer.vpn.is_example),
+            "infrastructure": yaml_text.Value(writer.pools[0], writer.vpn.is_example),
         },
     }
     if (release := answers.pilot.ros_distribution) is not None:
         pilot["dds"] = {"distribution": release.value, "over": "vpn"}
-        origin = "snapshot" if release is RosDistribution.FOXY else "live"
+        origin = "snapshot" if release is model.RosDistribution.FOXY else "live"
         pilot["gateways"] = {"ros2": {"origin": origin}}
     return pilot
 
 
 def _partners(writer: InventoryWriter) -> None:
     partner_names = writer.answers.pilot.partners
-    rows: dict[str, Tree] = {
-        name: {"full_name": PARTNERS[name], "vpn_pool": Value(pool, writer.vpn.is_example)}
+    rows: dict[str, yaml_text.Tree] = {
+        name: {"full_name": PARTNERS[name], "vpn_pool": yaml_text.Value(pool, writer.vpn.is_example)}
         for name, pool in zip(partner_names, writer.pools[1:], strict=False)
     }
     comment = "Organisations that join through the VPN, each with a pool of tunnel addresses of its own."
@@ -204,19 +205,19 @@ def _partners(writer: InventoryWriter) -> None:
 
 
 def _vehicles(writer: InventoryWriter) -> None:
-    rows: dict[str, Tree] = {}
+    rows: dict[str, yaml_text.Tree] = {}
     for key, vehicle in writer.vehicles.items():
         partner = vehicle.get("partner")
         row = {name: value for name, value in vehicle.items() if name not in {"endpoints", "telemetry"}}
         row["partner"] = partner if partner in writer.answers.pilot.partners else None
         row["aliases"] = tuple(vehicle.get("aliases", ()))
         row["table3"] = tuple(vehicle["table3"])
-        rows[key] = {name: Value(value) if isinstance(value, tuple) else value for name, value in row.items()}
+        rows[key] = {name: yaml_text.Value(value) if isinstance(value, tuple) else value for name, value in row.items()}
     comment = "The vehicles of the report's Table 3. Without `endpoints:` a person confirms each."
     writer.trees["group_vars/all/vehicles.yml"] = (comment, "vehicles", {"vehicles": rows})
 
 
-def _lan(lan: AnsweredNetwork, name: str, place: SiteAnswers | CentreAnswers) -> dict[str, Tree]:
+def _lan(lan: AnsweredNetwork, name: str, place: SiteAnswers | CentreAnswers) -> dict[str, yaml_text.Tree]:
     half = lan.network.num_addresses // 2
     return {
         "network": lan.value,
@@ -226,40 +227,40 @@ def _lan(lan: AnsweredNetwork, name: str, place: SiteAnswers | CentreAnswers) ->
     }
 
 
-def _management(writer: InventoryWriter, management: AnsweredNetwork) -> dict[str, Tree]:
+def _management(writer: InventoryWriter, management: AnsweredNetwork) -> dict[str, yaml_text.Tree]:
     is_example = management.is_example or writer.vpn.is_example
     return {
         "network": management.value,
         "technician": management.at(10),
-        "admit": Value((management.network, writer.pools[0]), is_example),
+        "admit": yaml_text.Value((management.network, writer.pools[0]), is_example),
     }
 
 
-def _rate(rate: LinkRate | None, example: Mapping[str, float]) -> dict[str, Tree]:
+def _rate(rate: model.LinkRate | None, example: Mapping[str, float]) -> dict[str, yaml_text.Tree]:
     return {key: value_or_example(getattr(rate, key, None), value) for key, value in example.items()}
 
 
-def _canaries(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dict[str, Tree]:
+def _canaries(answer: tuple[Any, ...], number: int, *, is_required: bool) -> dict[str, yaml_text.Tree]:
     if answer:
-        return {"canaries": Value(answer)}
+        return {"canaries": yaml_text.Value(answer)}
     if not is_required:
         return {}
-    return {"canaries": Value((f"198.51.100.{number}", f"198.51.100.{number + 1}"), is_example=True)}
+    return {"canaries": yaml_text.Value((f"198.51.100.{number}", f"198.51.100.{number + 1}"), is_example=True)}
 
 
-def _ports(place: SiteAnswers | CentreAnswers, links: list[str]) -> Tree:
+def _ports(place: SiteAnswers | CentreAnswers, links: list[str]) -> yaml_text.Tree:
     """Links first, the technician last, the local network between."""
     is_example = place.router_ports is None
     count = place.router_ports or max(_PORTS, len(links) + 2)
-    ports: list[Tree] = [
-        {"name": Value(f"ether{number}", is_example), "use": "link", "link": link}
+    ports: list[yaml_text.Tree] = [
+        {"name": yaml_text.Value(f"ether{number}", is_example), "use": "link", "link": link}
         for number, link in enumerate(links, start=1)
     ]
-    ports += [{"name": Value(f"ether{n}", is_example), "use": "lan"} for n in range(len(links) + 1, count)]
-    return [*ports, {"name": Value(f"ether{count}", is_example), "use": "management"}]
+    ports += [{"name": yaml_text.Value(f"ether{n}", is_example), "use": "lan"} for n in range(len(links) + 1, count)]
+    return [*ports, {"name": yaml_text.Value(f"ether{count}", is_example), "use": "management"}]
 
 
-def _access(writer: InventoryWriter, address: Value) -> dict[str, Tree]:
+def _access(writer: InventoryWriter, address: yaml_text.Value) -> dict[str, yaml_text.Tree]:
     return {"address": address, "user": "provision", "password": writer.secret("password")}
 
 
@@ -283,7 +284,7 @@ def _control_centre(writer: InventoryWriter) -> None:
         for number, (name, place) in enumerate(writer.answers.sites.items(), start=1)
         if place.wifi_bridge is not None
     ]
-    served_links: list[Tree] = [
+    served_links: list[yaml_text.Tree] = [
         {
             "name": _bridge_names(writer, name)[0],
             "device": _bridge_names(writer, name)[1],
@@ -293,7 +294,7 @@ def _control_centre(writer: InventoryWriter) -> None:
         }
         for number, name, bridge in bridges
     ]
-    site: dict[str, Tree] = {
+    site: dict[str, yaml_text.Tree] = {
         "title": centre.title or centre.name,
         "lan": _lan(lan, centre.name, centre),
         "management": _management(writer, management),
@@ -336,15 +337,17 @@ def _control_centre(writer: InventoryWriter) -> None:
         )
 
 
-def _cable(cable: CableAnswers, name: str, example: str, number: int, *, needs_canaries: bool) -> dict[str, Tree]:
+def _cable(
+    cable: CableAnswers, name: str, example: str, number: int, *, needs_canaries: bool
+) -> dict[str, yaml_text.Tree]:
     network = network_or_example(cable.network, example)
     return {
         "name": name,
         "kind": "ethernet",
         "metered": False,
         "network": network.value,
-        "address": Value(cable.address) if cable.address is not None else network.at(2),
-        "gateway": Value(cable.gateway) if cable.gateway is not None else network.at(1),
+        "address": yaml_text.Value(cable.address) if cable.address is not None else network.at(2),
+        "gateway": yaml_text.Value(cable.gateway) if cable.gateway is not None else network.at(1),
         **_canaries(cable.canaries, number, is_required=needs_canaries),
         "rate": _rate(cable.rate, {"rtt_ms": 10, "up_kbps": 100_000, "down_kbps": 100_000}),
     }
@@ -354,7 +357,7 @@ def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -
     lan = network_or_example(place.lan, f"10.64.{number}.0/24")
     management = network_or_example(place.management, f"10.64.{100 + number}.0/24")
     bearers = _bearers(number, name, place)
-    site: dict[str, Tree] = {
+    site: dict[str, yaml_text.Tree] = {
         "title": place.title or name,
         "lan": _lan(lan, name, place),
         "management": _management(writer, management),
@@ -386,17 +389,17 @@ def _site(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) -
     )
     _boxes(writer, number, name, place)
     if place.gateway is not None:
-        gateway: dict[str, Tree] = {"address": lan.at(10), "vpn_address": writer.tunnel(100 + number)}
+        gateway: dict[str, yaml_text.Tree] = {"address": lan.at(10), "vpn_address": writer.tunnel(100 + number)}
         if place.gateway.ssh_key is not None:
             gateway["image"] = {"layout": place.gateway.layout.value, "ssh_keys": [place.gateway.ssh_key]}
         writer.add(name, f"{name}-gateway", "gateway", f"Data gateway computer of {name}.", gateway)
 
 
-def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]]:
+def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, yaml_text.Tree]]:
     kinds = [place.wifi_bridge, place.cable, place.lte, place.satellite]
     several = len([kind for kind in kinds if kind is not None]) > 1
     first = 10 * number
-    bearers: list[dict[str, Tree]] = []
+    bearers: list[dict[str, yaml_text.Tree]] = []
     if (bridge := place.wifi_bridge) is not None:
         network = _bridge_plan(number, bridge)
         bearers.append(
@@ -431,8 +434,10 @@ def _bearers(number: int, name: str, place: SiteAnswers) -> list[dict[str, Tree]
     return bearers
 
 
-def _metered_link(name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None) -> dict[str, Tree]:
-    billing: dict[str, Tree] = {} if price is None else {"billing": {"price_per_mb": float(price)}}
+def _metered_link(
+    name: str, kind: str, device: str, network: AnsweredNetwork, price: float | None
+) -> dict[str, yaml_text.Tree]:
+    billing: dict[str, yaml_text.Tree] = {} if price is None else {"billing": {"price_per_mb": float(price)}}
     return {
         "name": name,
         "kind": kind,
@@ -450,18 +455,18 @@ def _boxes(writer: InventoryWriter, number: int, name: str, place: SiteAnswers) 
     if place.wifi_bridge is not None:
         _bridge(writer, number, name, place.wifi_bridge)
     if (lte := place.lte) is not None:
-        unit: dict[str, Tree] = {
+        unit: dict[str, yaml_text.Tree] = {
             "address": network_or_example(lte.network, f"10.11.{number}.0/29").at(1),
             "driver": lte.driver.value,
         }
-        if lte.driver in {LteDriver.ROUTEROS, LteDriver.RUTOS}:
+        if lte.driver in {model.LteDriver.ROUTEROS, model.LteDriver.RUTOS}:
             unit["access"] = {"user": "provision", "password": writer.secret("password")}
         if lte.apn is not None:
             unit["sim"] = {"apn": lte.apn}
         writer.add(name, f"{name}-4g", "lte_router", f"4G unit of {name}.", unit)
     if (satellite := place.satellite) is not None:
         address = network_or_example(satellite.network, f"10.12.{number}.0/29").at(1)
-        terminal: dict[str, Tree] = {"model": "Thales VesseLINK", "address": address}
+        terminal: dict[str, yaml_text.Tree] = {"model": "Thales VesseLINK", "address": address}
         writer.add(name, f"{name}-sat", "satellite_terminal", f"Satellite terminal of {name}.", terminal)
 
 
@@ -470,7 +475,7 @@ def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswe
     near = f"{name}-cpe"
     network = _bridge_plan(number, bridge)
     key = writer.secret("bridge-key")
-    radio: dict[str, Tree] = {
+    radio: dict[str, yaml_text.Tree] = {
         "ssid": value_or_example(bridge.ssid, f"EXAMPLE-{name}"),
         "protocol": bridge.protocol,
         "standard": "802.11ac",
@@ -489,7 +494,7 @@ def _bridge(writer: InventoryWriter, number: int, name: str, bridge: BridgeAnswe
         (writer.centre.name, far, near, "access_point", 3),
         (name, near, far, "station", 4),
     ):
-        device: dict[str, Tree] = {
+        device: dict[str, yaml_text.Tree] = {
             "access": _access(writer, network.at(address)),
             "ptp": {"peer": peer, "mode": mode, **radio},
         }

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo
 
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
-from atlantis_netcfg.inventory._yaml import Node, SealedSecret, parse
+from atlantis_netcfg.inventory import _yaml, loader
 from atlantis_netcfg.inventory.examples import examples_in
 from atlantis_netcfg.inventory.findings import Finding, InventoryInvalid, Mark, choices, suggest
-from atlantis_netcfg.inventory.loader import LARGEST, build, content, shown_path
 from atlantis_netcfg.inventory.model import Guest
 from atlantis_netcfg.inventory.model.robot import RobotFile, TopicKind
 from atlantis_netcfg.inventory.robots.key_names import KeyNames, read_key_names
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.inventory._yaml import Decrypt
     from atlantis_netcfg.inventory.inventory import Declaration
 
 FOLDER = "robots"
@@ -36,7 +34,7 @@ class RobotSource:
     """A robot's file as it was read."""
 
     file: Path
-    node: Node
+    node: _yaml.Node
     """What stands in it, with our keys."""
     size: int
     """Bytes of the file, which the robot publishes at 1 Hz until it is registered (report, 3.4)."""
@@ -56,12 +54,12 @@ class RobotSource:
     @property
     def token_is_sealed(self) -> bool:
         """Nobody has opened the vault: the token cannot be compared."""
-        return self.robot is None or isinstance(self.robot.token, SealedSecret)
+        return self.robot is None or isinstance(self.robot.token, _yaml.SealedSecret)
 
-    def with_token(self, decrypt: Decrypt | None) -> RobotSource:
+    def with_token(self, decrypt: _yaml.Decrypt | None) -> RobotSource:
         """The same with its token opened, where the vault's password is known."""
         robot = self.robot
-        if decrypt is None or robot is None or not isinstance(robot.token, SealedSecret):
+        if decrypt is None or robot is None or not isinstance(robot.token, _yaml.SealedSecret):
             return self
         try:
             token = robot.token.decrypt_with(decrypt)
@@ -136,13 +134,13 @@ def load_robots(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
 
 def read_published(data: bytes, names: KeyNames) -> tuple[RobotFile | None, str]:
     """A configuration as a robot publishes it: YAML, of which JSON is a part. None: the second is the first error."""
-    if len(data) > LARGEST:
+    if len(data) > loader.LARGEST:
         return None, "it is larger than 1 MB"
-    node, findings = parse(data, "line", None)
+    node, findings = _yaml.parse(data, "line", None)
     if node is None or not isinstance(node.value, dict):
         return None, str(findings[0]) if findings else "it holds no keys"
     root, findings = names.translate(node)
-    robot, _, wrong = build(root, RobotFile, "it", names.key_of)
+    robot, _, wrong = loader.build(root, RobotFile, "it", names.key_of)
     findings = sorted((*findings, *wrong))
     return (robot, "") if robot is not None and not findings else (None, str(findings[0]))
 
@@ -162,25 +160,25 @@ def _with_namespaces_compared(sources: Sequence[RobotSource]) -> list[RobotSourc
     return result
 
 
-def _parse(path: Path) -> tuple[Node | None, int, list[Finding]]:
+def _parse(path: Path) -> tuple[_yaml.Node | None, int, list[Finding]]:
     """Read one file: at most 1 MB, and 100 levels deep. Raises NothingMatched where it cannot be read."""
-    file_name = shown_path(path)
+    file_name = loader.shown_path(path)
     try:
-        data = content(path)
+        data = loader.content(path)
     except OSError as error:
         reason = (error.strerror or "no reason given").lower()
         raise NoMatchError(f"{file_name} cannot be read: {reason}", hint=f"look at it: ls -ld {file_name}") from None
-    if len(data) > LARGEST:
+    if len(data) > loader.LARGEST:
         hint = "a robot publishes its configuration once a second: leave out what the control centre does not read"
         return None, len(data), [Finding.at(Mark(file_name, 1, 1), "the file is larger than 1 MB", hint)]
-    node, findings = parse(data, file_name, None)
+    node, findings = _yaml.parse(data, file_name, None)
     return node, len(data), findings
 
 
 def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | None) -> RobotSource:
     """One file; `vehicle` is set for those of the inventory."""
     root, size, findings = _parse(path)
-    start = Mark(shown_path(path), 1, 1)
+    start = Mark(loader.shown_path(path), 1, 1)
     if vehicle is not None and vehicle not in declaration.vehicles:
         findings.append(
             Finding.at(start, f"no vehicle is called `{vehicle}`", suggest(vehicle, declaration.vehicles, none=""))
@@ -191,9 +189,9 @@ def _read(path: Path, declaration: Declaration, names: KeyNames, vehicle: str | 
         hint = f"write `{names.key_of(('namespace',))}:` and the other keys"
         findings.append(Finding.at(start, "the file is empty", hint))
     if root is None or not isinstance(root.value, dict):
-        return RobotSource(path, Node(start, None), size, vehicle, None, names.key_of, tuple(sorted(findings)))
+        return RobotSource(path, _yaml.Node(start, None), size, vehicle, None, names.key_of, tuple(sorted(findings)))
     root, clashes = names.translate(root)
-    robot, node, wrong = build(root, RobotFile, path.name, names.key_of)
+    robot, node, wrong = loader.build(root, RobotFile, path.name, names.key_of)
     source = RobotSource(path, node, size, vehicle, robot, names.key_of)
     warnings: list[Finding] = []
     if robot is not None:
@@ -255,7 +253,7 @@ def conditions(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterato
 def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declaration) -> Iterator[Finding]:
     """A real token never stands readable in a file that goes into git; and what is an example is known to be one."""
     key = source.key_of(("token",))
-    if not isinstance(robot.token, SealedSecret) and not robot.token.is_example:
+    if not isinstance(robot.token, _yaml.SealedSecret) and not robot.token.is_example:
         hint = f"ansible-vault encrypt_string --stdin-name {key}"
         yield source.wrong(("token",), f"`{key}` stands in clear text", hint)
     if not declaration.pilot.example_values:
@@ -267,18 +265,18 @@ def token_is_vaulted(source: RobotSource, robot: RobotFile, declaration: Declara
 
 def token_is_real(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:
     """A robot does not come with the token of an example."""
-    if not isinstance(robot.token, SealedSecret) and robot.token.is_example:
+    if not isinstance(robot.token, _yaml.SealedSecret) and robot.token.is_example:
         message = f"{source.label(('token',))} is still an example"
         yield source.wrong(("token",), message, "write the token that the control centre expects of this robot")
 
 
 def file_is_private(source: RobotSource, robot: RobotFile) -> Iterator[Finding]:
     """A token in clear text is for its owner alone."""
-    if isinstance(robot.token, SealedSecret) or robot.token.is_example:
+    if isinstance(robot.token, _yaml.SealedSecret) or robot.token.is_example:
         return
     if source.file.stat().st_mode & _MINE_ALONE:
         message = f"others on this computer can read {source.label(('token',))}"
-        yield source.wrong(("token",), message, f"chmod 600 {shown_path(source.file)}")
+        yield source.wrong(("token",), message, f"chmod 600 {loader.shown_path(source.file)}")
 
 
 def units(source: RobotSource, robot: RobotFile, _: Declaration) -> Iterator[Finding]:

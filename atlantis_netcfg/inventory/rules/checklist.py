@@ -4,27 +4,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, suggest, why_no_name
-from atlantis_netcfg.inventory.model import CheckItem, ItemSort, SeenFrom, Site, SiteCheckItem
+from atlantis_netcfg.inventory import _draft, findings, model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 _Path = tuple[str | int, ...]
-_ItemPlace = tuple[Part, _Path, CheckItem]
+_ItemPlace = tuple[_draft.Part, _Path, model.CheckItem]
 """An item and its place."""
 
 
-def _of_vehicles(draft: Draft) -> Iterator[_ItemPlace]:
+def _of_vehicles(draft: _draft.Draft) -> Iterator[_ItemPlace]:
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.checklist.items):
-            yield Part("vehicle", key), ("checklist", "items", index), item
+            yield _draft.Part("vehicle", key), ("checklist", "items", index), item
 
 
-def _of_a_site(name: str, site: Site, only: int | None = None) -> Iterator[tuple[Part, _Path, SiteCheckItem]]:
+def _of_a_site(
+    name: str, site: model.Site, only: int | None = None
+) -> Iterator[tuple[_draft.Part, _Path, model.SiteCheckItem]]:
     """Those that are always asked there, then mission by mission; `only`: those of one mission."""
-    part = Part("site", name)
+    part = _draft.Part("site", name)
     for index, item in enumerate(site.checklist.items):
         yield part, ("checklist", "items", index), item
     for number, mission in enumerate(site.checklist.missions):
@@ -32,7 +32,7 @@ def _of_a_site(name: str, site: Site, only: int | None = None) -> Iterator[tuple
             yield part, ("checklist", "missions", number, "items", index), item
 
 
-def unique(draft: Draft) -> Iterator[Finding]:
+def unique(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """In a list, an id of a vehicle or of the site stands once; two missions may share one, for one is asked."""
     every = list(_of_vehicles(draft))
     yield from _twice(draft, every)
@@ -44,9 +44,9 @@ def unique(draft: Draft) -> Iterator[Finding]:
             yield from _twice(draft, [*always, *_of_a_site(name, site, mission)])
 
 
-def _twice(draft: Draft, items: Iterable[_ItemPlace]) -> Iterator[Finding]:
+def _twice(draft: _draft.Draft, items: Iterable[_ItemPlace]) -> Iterator[findings.Finding]:
     """`items`: those of one list."""
-    first: dict[tuple[str | None, str], tuple[Part, _Path]] = {}
+    first: dict[tuple[str | None, str], tuple[_draft.Part, _Path]] = {}
     for part, path, item in items:
         row = part.name if part.sort == "vehicle" else getattr(item, "vehicle", None)
         first_place = first.setdefault((row, item.id), (part, path))
@@ -57,7 +57,7 @@ def _twice(draft: Draft, items: Iterable[_ItemPlace]) -> Iterator[Finding]:
             )
 
 
-def vehicles(draft: Draft) -> Iterator[Finding]:
+def vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The vehicle of an item is one that the site tests."""
     vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
@@ -66,7 +66,7 @@ def vehicles(draft: Draft) -> Iterator[Finding]:
             if item.vehicle is None:
                 continue
             if item.vehicle not in vehicle_names:
-                hint = suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
+                hint = findings.suggest(item.vehicle, vehicle_names, none="add it to `vehicles`")
                 yield draft.wrong(part, (*path, "vehicle"), f"there is no vehicle `{item.vehicle}`", hint)
             elif here is not None and item.vehicle not in here:
                 message = f"`{item.vehicle}` is not tested at `{name}`, so that nobody would be asked"
@@ -74,50 +74,52 @@ def vehicles(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, (*path, "vehicle"), message, hint)
 
 
-def people(draft: Draft) -> Iterator[Finding]:
+def people(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Who may answer or sign is a role of the pilot, or a person by name."""
     if draft.pilot is None:
         return
     roles = [role.name for role in draft.pilot.roles]
     for part, path, words in _person_lists(draft):
         for index, word in enumerate(words):
-            if why_no_name(word) is None and word not in roles:
+            if findings.why_no_name(word) is None and word not in roles:
                 none = f"declare it: `roles: [{{name: {word}, people: [A. Person]}}]` of `pilot`"
-                hint = suggest(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
+                hint = findings.suggest(word, roles, none=f"{none}; a person's name has a capital letter or a blank")
                 yield draft.wrong(part, (*path, index), f"there is no role `{word}`", hint)
 
 
-def _person_lists(draft: Draft) -> Iterator[tuple[Part, _Path, tuple[str, ...]]]:
+def _person_lists(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, _Path, tuple[str, ...]]]:
     for part, path, item in _of_vehicles(draft):
         yield part, (*path, "by"), item.by
     for name, site in draft.sites.items():
-        yield Part("site", name), ("checklist", "signed_by"), site.checklist.signed_by
+        yield _draft.Part("site", name), ("checklist", "signed_by"), site.checklist.signed_by
         for part, path, item in _of_a_site(name, site):
             yield part, (*path, "by"), item.by
 
 
-def names(draft: Draft) -> Iterator[Finding]:
+def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A mission of a site, and a role of the pilot, has a name of its own."""
     for name, site in draft.sites.items():
         mission_names = [mission.name for mission in site.checklist.missions]
         for index, word in enumerate(mission_names):
             if word in mission_names[:index]:
                 path = ("checklist", "missions", index, "name")
-                yield draft.wrong(Part("site", name), path, f"there are two missions `{word}`", "rename one")
+                yield draft.wrong(_draft.Part("site", name), path, f"there are two missions `{word}`", "rename one")
     roles = [role.name for role in draft.pilot.roles] if draft.pilot is not None else []
     for index, word in enumerate(roles):
         if word in roles[:index]:
-            yield draft.wrong(Part("pilot"), ("roles", index, "name"), f"there are two roles `{word}`", "rename one")
+            yield draft.wrong(
+                _draft.Part("pilot"), ("roles", index, "name"), f"there are two roles `{word}`", "rename one"
+            )
 
 
-def gateways(draft: Draft) -> Iterator[Finding]:
+def gateways(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """What a site's gateway shall be asked needs one; a vehicle's item is INCONCLUSIVE where there is none."""
     sites = {place for host, place in draft.layout.hosts.items() if draft.kind_of(host) == "gateway"}
     for name, site in draft.sites.items():
         for part, path, item in _of_a_site(name, site):
-            if item.kind is ItemSort.COMMAND and item.seen_from is SeenFrom.GATEWAY and name not in sites:
+            if item.kind is model.ItemSort.COMMAND and item.seen_from is model.SeenFrom.GATEWAY and name not in sites:
                 message = f"`{item.id}` is run on the gateway, and `{name}` has none"
                 yield draft.wrong(part, (*path, "command"), message, "write `seen_from: laptop`, or remove the item")
 
 
-RULES: tuple[Rule, ...] = (unique, vehicles, people, names, gateways)
+RULES: tuple[_draft.Rule, ...] = (unique, vehicles, people, names, gateways)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import Dds, DdsPath, ServerComputer
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -14,29 +13,29 @@ if TYPE_CHECKING:
     from ipaddress import IPv4Address
 
 
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 
 
-def _dds_settings(draft: Draft) -> Dds | None:
+def _dds_settings(draft: _draft.Draft) -> model.Dds | None:
     return draft.pilot.dds if draft.pilot is not None else None
 
 
-def participants_have_addresses(draft: Draft) -> Iterator[Finding]:
+def participants_have_addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """Gateways and control centres that talk over the VPN have an address in it."""
     dds = _dds_settings(draft)
-    if dds is None or dds.over is not DdsPath.VPN:
+    if dds is None or dds.over is not model.DdsPath.VPN:
         return
     for host, device in draft.devices.items():
-        if isinstance(device, ServerComputer) and device.vpn_address is None:
+        if isinstance(device, model.ServerComputer) and device.vpn_address is None:
             where = draft.where(_PILOT, "dds")
             message = f"`{host}` talks DDS over the VPN ({where}) and has no address in it"
-            yield draft.wrong(Part("device", host), (), message, "write its `vpn_address:`")
+            yield draft.wrong(_draft.Part("device", host), (), message, "write its `vpn_address:`")
 
 
-def peers_in_the_vpn(draft: Draft) -> Iterator[Finding]:
+def peers_in_the_vpn(draft: _draft.Draft) -> Iterator[Finding]:
     """Over the VPN a peer is reached at its tunnel address."""
     dds = _dds_settings(draft)
-    if draft.pilot is None or dds is None or dds.over is not DdsPath.VPN:
+    if draft.pilot is None or dds is None or dds.over is not model.DdsPath.VPN:
         return
     network = draft.pilot.vpn.network
     for index, peer in enumerate(dds.peers):
@@ -45,15 +44,15 @@ def peers_in_the_vpn(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, ("dds", "peers", index, "address"), message, example_in(network))
 
 
-def peers_once(draft: Draft) -> Iterator[Finding]:
+def peers_once(draft: _draft.Draft) -> Iterator[Finding]:
     """Each address more is announced to all the time: hosts of the inventory are peers by themselves."""
     dds = _dds_settings(draft)
     if dds is None:
         return
     owner_by_address: dict[IPv4Address, str] = {}
     for host, device in draft.devices.items():
-        if isinstance(device, ServerComputer):
-            address = device.vpn_address if dds.over is DdsPath.VPN else device.address
+        if isinstance(device, model.ServerComputer):
+            address = device.vpn_address if dds.over is model.DdsPath.VPN else device.address
             if address is not None:
                 owner_by_address[address] = f"`{host}`, a peer by itself"
     for index, peer in enumerate(dds.peers):
@@ -63,7 +62,7 @@ def peers_once(draft: Draft) -> Iterator[Finding]:
         owner_by_address.setdefault(peer.address, f"the peer `{peer.name}`")
 
 
-def peers_at_known_sites(draft: Draft) -> Iterator[Finding]:
+def peers_at_known_sites(draft: _draft.Draft) -> Iterator[Finding]:
     """A peer of a site that does not exist would be a peer of nobody there."""
     dds = _dds_settings(draft)
     for index, peer in enumerate(dds.peers if dds is not None else ()):
@@ -73,7 +72,7 @@ def peers_at_known_sites(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, ("dds", "peers", index, "site"), f"there is no site `{peer.site}`", hint)
 
 
-def processes_are_found(draft: Draft) -> Iterator[Finding]:
+def processes_are_found(draft: _draft.Draft) -> Iterator[Finding]:
     """More processes than `participants` do not start (Cyclone DDS) or are not found (Fast DDS)."""
     dds = _dds_settings(draft)
     if dds is not None and dds.processes > dds.participants:
@@ -82,7 +81,7 @@ def processes_are_found(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(_PILOT, ("dds", "processes"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     participants_have_addresses,
     peers_in_the_vpn,
     peers_once,

@@ -9,26 +9,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.findings import Finding, choices, suggest
-from atlantis_netcfg.inventory.model import (
-    ETHERNET,
-    AcousticEndpoint,
-    Column,
-    Cpe,
-    Device,
-    Endpoints,
-    Gateway,
-    GpsDriver,
-    LteDriver,
-    LteRouter,
-    Router,
-    SeenFrom,
-    Site,
-    Switch,
-    UsblEndpoint,
-    Vehicle,
-)
+from atlantis_netcfg.inventory import _draft, findings, model
 from atlantis_netcfg.inventory.rules.networks import NetworkIndex, claims
 
 if TYPE_CHECKING:
@@ -42,33 +23,33 @@ _Path = tuple[str | int, ...]
 class _EndpointRow:
     """A row of the checklist that has endpoints."""
 
-    part: Part
+    part: _draft.Part
     path: _Path
-    endpoints: Endpoints
+    endpoints: model.Endpoints
     columns: frozenset[str]
     """Columns that are checked at all."""
 
     @property
     def endpoint_names(self) -> list[str]:
-        return [name for name in Endpoints.model_fields if getattr(self.endpoints, name) is not None]
+        return [name for name in model.Endpoints.model_fields if getattr(self.endpoints, name) is not None]
 
 
-def _rows(draft: Draft) -> Iterator[_EndpointRow]:
+def _rows(draft: _draft.Draft) -> Iterator[_EndpointRow]:
     for key, vehicle in draft.vehicles.items():
-        columns = {str(column) for column in vehicle.table3} | ({ETHERNET} if vehicle.ethernet else set())
-        yield _EndpointRow(Part("vehicle", key), (), vehicle.endpoints, frozenset(columns))
+        columns = {str(column) for column in vehicle.table3} | ({model.ETHERNET} if vehicle.ethernet else set())
+        yield _EndpointRow(_draft.Part("vehicle", key), (), vehicle.endpoints, frozenset(columns))
     for name, site in draft.sites.items():
         columns = {str(column) for column in site.location.table3} | _link_columns(site)
-        yield _EndpointRow(Part("site", name), ("location",), site.location.endpoints, frozenset(columns))
+        yield _EndpointRow(_draft.Part("site", name), ("location",), site.location.endpoints, frozenset(columns))
 
 
-def _link_columns(site: Site) -> set[str]:
+def _link_columns(site: model.Site) -> set[str]:
     """Columns of a location that are checked because of its links."""
-    columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(Column.WIFI), ETHERNET}
-    return columns | ({ETHERNET} if site.location.ethernet else set())
+    columns = {str(bearer.kind.traits.column) for bearer in site.bearers} & {str(model.Column.WIFI), model.ETHERNET}
+    return columns | ({model.ETHERNET} if site.location.ethernet else set())
 
 
-def check_tested_vehicles(draft: Draft) -> Iterator[Finding]:
+def check_tested_vehicles(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The vehicles that a site tests are vehicles of the pilot, once each."""
     vehicle_names = draft.names("vehicle")
     for name, site in draft.sites.items():
@@ -76,13 +57,13 @@ def check_tested_vehicles(draft: Draft) -> Iterator[Finding]:
         for index, key in enumerate(here):
             path = ("checklist", "vehicles", index)
             if key not in vehicle_names:
-                hint = suggest(key, vehicle_names, none="add it to `vehicles`")
-                yield draft.wrong(Part("site", name), path, f"there is no vehicle `{key}`", hint)
+                hint = findings.suggest(key, vehicle_names, none="add it to `vehicles`")
+                yield draft.wrong(_draft.Part("site", name), path, f"there is no vehicle `{key}`", hint)
             elif key in here[:index]:
-                yield draft.wrong(Part("site", name), path, f"`{key}` stands twice in this list", "remove one")
+                yield draft.wrong(_draft.Part("site", name), path, f"`{key}` stands twice in this list", "remove one")
 
 
-def in_the_table(draft: Draft) -> Iterator[Finding]:
+def in_the_table(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """What is looked at is marked in the row's own Table 3, or (a cable) beside it."""
     for row in _rows(draft):
         for name in row.endpoint_names:
@@ -90,13 +71,13 @@ def in_the_table(draft: Draft) -> Iterator[Finding]:
                 continue
             message = f"`{name}` is described here, but it is not checked: `table3` does not mark it"
             hint = f"remove `{name}:` here, or mark it in `table3`"
-            if name == ETHERNET:
+            if name == model.ETHERNET:
                 message = "`ethernet` is described here, but it is not checked: there is no `ethernet: true`"
                 hint = "remove it here, or write `ethernet: true` beside `table3`"
             yield draft.wrong(row.part, (*row.path, "endpoints", name), message, hint)
 
 
-def seen_by(draft: Draft) -> Iterator[Finding]:
+def seen_by(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The device that tells of an endpoint is a RouterOS device; of a location, one of its own."""
     for row in _rows(draft):
         for name in row.endpoint_names:
@@ -110,35 +91,35 @@ def seen_by(draft: Draft) -> Iterator[Finding]:
                 if row.part.sort == "vehicle" or _at(draft, routero) == row.part.name
             ]
             if host not in draft.layout.hosts:
-                hint = suggest(host, able, none="add it to hosts.yml")
+                hint = findings.suggest(host, able, none="add it to hosts.yml")
                 yield draft.wrong(row.part, path, f"there is no host `{host}`", hint)
             elif host in draft.devices and host not in _routeros(draft):
                 message = f"`{host}` is no RouterOS device: it cannot be asked what it sees"
-                yield draft.wrong(row.part, path, message, f"there are: {choices(able)}")
+                yield draft.wrong(row.part, path, message, f"there are: {findings.choices(able)}")
             elif host in draft.devices and host not in able:
                 message = f"`{host}` is at `{_at(draft, host)}`, not here"
-                yield draft.wrong(row.part, path, message, f"there are: {choices(able)}")
+                yield draft.wrong(row.part, path, message, f"there are: {findings.choices(able)}")
 
 
-def _at(draft: Draft, host: str) -> str:
+def _at(draft: _draft.Draft, host: str) -> str:
     return draft.layout.hosts[host]
 
 
-def _routeros(draft: Draft) -> list[str]:
+def _routeros(draft: _draft.Draft) -> list[str]:
     return [host for host in draft.layout.hosts if _is_routeros(draft.devices.get(host))]
 
 
-def _is_routeros(device: Device | None) -> bool:
-    return isinstance(device, Router | Switch | Cpe) or (
-        isinstance(device, LteRouter) and device.driver is LteDriver.ROUTEROS
+def _is_routeros(device: model.Device | None) -> bool:
+    return isinstance(device, model.Router | model.Switch | model.Cpe) or (
+        isinstance(device, model.LteRouter) and device.driver is model.LteDriver.ROUTEROS
     )
 
 
-def another_modem(draft: Draft) -> Iterator[Finding]:
+def another_modem(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A modem talks to others: not to itself, and no two of a kind have one address."""
     first: dict[tuple[str, int], str] = {}
     for key, vehicle in draft.vehicles.items():
-        part, acoustic, usbl = Part("vehicle", key), vehicle.endpoints.acoustic, vehicle.endpoints.usbl
+        part, acoustic, usbl = _draft.Part("vehicle", key), vehicle.endpoints.acoustic, vehicle.endpoints.usbl
         if acoustic is None or acoustic.acoustic_address is None:
             continue
         local = acoustic.acoustic_address
@@ -147,13 +128,13 @@ def another_modem(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("endpoints", *path), message, "write the address of the modem at the other end")
         other = first.setdefault((str(acoustic.driver), local), key)
         if other != key:
-            where = draft.where(Part("vehicle", other), "endpoints", "acoustic", "acoustic_address")
+            where = draft.where(_draft.Part("vehicle", other), "endpoints", "acoustic", "acoustic_address")
             message = f"{local} is already the acoustic address of `{other}` ({where})"
             path = ("endpoints", "acoustic", "acoustic_address")
             yield draft.wrong(part, path, message, f"give each {acoustic.driver} modem its own, on the modem as well")
 
 
-def _to_itself(local: int, acoustic: AcousticEndpoint, usbl: UsblEndpoint | None) -> Iterator[_Path]:
+def _to_itself(local: int, acoustic: model.AcousticEndpoint, usbl: model.UsblEndpoint | None) -> Iterator[_Path]:
     if acoustic.partner == local:
         yield "acoustic", "partner"
     if usbl is None or usbl.driver is not acoustic.driver:
@@ -165,9 +146,9 @@ def _to_itself(local: int, acoustic: AcousticEndpoint, usbl: UsblEndpoint | None
         yield "usbl", "ping"
 
 
-def addresses(draft: Draft) -> Iterator[Finding]:
+def addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Where a vehicle is tested, it has an address at which it can be asked."""
-    gateways = {place for _, place, _ in draft.boxes(Gateway)}
+    gateways = {place for _, place, _ in draft.boxes(model.Gateway)}
     for name, site in draft.sites.items():
         reserved_names = {reservation.name for reservation in site.lan.reservations}
         site_vehicles = site.checklist.vehicles
@@ -182,46 +163,46 @@ def addresses(draft: Draft) -> Iterator[Finding]:
             )
             message = f"`{key}` is tested here and has no address, but is to be asked: {', '.join(wanting)}"
             hint = f"add `- {{name: {key}, mac: …, address: …}}` to `lan: reservations:`, or `address:` to each"
-            yield draft.wrong(Part("site", name), path, message, hint)
+            yield draft.wrong(_draft.Part("site", name), path, message, hint)
 
 
-def _wanting(vehicle: Vehicle) -> list[str]:
+def _wanting(vehicle: model.Vehicle) -> list[str]:
     """Endpoints that are asked at an address, and have none of their own."""
     all_of_it = vehicle.endpoints
     modems = {"acoustic": all_of_it.acoustic, "usbl": all_of_it.usbl}
     wanting = {name: modem is not None and modem.device is None for name, modem in modems.items()}
     wanting |= {"wifi": all_of_it.wifi is not None, "ethernet": all_of_it.ethernet is not None}
     gps = all_of_it.gps
-    wanting["gps"] = gps is not None and gps.driver in {GpsDriver.GPSD, GpsDriver.NMEA_TCP}
-    endpoint_names = [name for name in Endpoints.model_fields if wanting.get(name)]
+    wanting["gps"] = gps is not None and gps.driver in {model.GpsDriver.GPSD, model.GpsDriver.NMEA_TCP}
+    endpoint_names = [name for name in model.Endpoints.model_fields if wanting.get(name)]
     return [name for name in endpoint_names if getattr(all_of_it, name).address is None]
 
 
-def streams(draft: Draft) -> Iterator[Finding]:
+def streams(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Two autopilots do not send to one port of one computer."""
     for name, site in draft.sites.items():
-        has_gateway = any(place == name for _, place, _ in draft.boxes(Gateway))
-        first: dict[tuple[SeenFrom, int], str] = {}
+        has_gateway = any(place == name for _, place, _ in draft.boxes(model.Gateway))
+        first: dict[tuple[model.SeenFrom, int], str] = {}
         for key, vehicle in draft.vehicles.items():
             stream, here = vehicle.endpoints.rc_rf, site.checklist.vehicles
             if stream is None or (here is not None and key not in here):
                 continue
-            place = stream.seen_from if has_gateway else SeenFrom.LAPTOP
+            place = stream.seen_from if has_gateway else model.SeenFrom.LAPTOP
             other = first.setdefault((place, stream.port), key)
             if other != key:
                 message = (
                     f"UDP port {stream.port} of the {place} is already that of `{other}`, tested at `{name}` as well"
                 )
                 hint = f"let the companion computer of `{key}` forward to another port, and write it here"
-                yield draft.wrong(Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
+                yield draft.wrong(_draft.Part("vehicle", key), ("endpoints", "rc_rf", "port"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (check_tested_vehicles, in_the_table, seen_by, another_modem, addresses, streams)
+RULES: tuple[_draft.Rule, ...] = (check_tested_vehicles, in_the_table, seen_by, another_modem, addresses, streams)
 
 _PAIR = 2
 
 
-def two_or_none(draft: Draft) -> Iterator[Finding]:
+def two_or_none(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """One silent canary must not take a link down: two of them, or the link is not probed.
 
     A satellite may have none wherever it stands in the order: its port and its terminal are watched, which is for free.
@@ -231,17 +212,17 @@ def two_or_none(draft: Draft) -> Iterator[Finding]:
             path = ("bearers", index, "canaries")
             if 0 < len(set(bearer.canaries)) < _PAIR:
                 message = f"link `{bearer.name}` has one canary: if that host fails, the link counts as down"
-                yield draft.wrong(Part("site", name), path, message, "name two different hosts beyond the link")
+                yield draft.wrong(_draft.Part("site", name), path, message, "name two different hosts beyond the link")
             elif not bearer.canaries and index < len(site.bearers) - 1 and not bearer.kind.traits.allow_list:
                 message = f"link `{bearer.name}` has no canaries, so its failure would not be noticed"
                 hint = "name two; only a satellite and the last link in order of preference can go without"
-                yield draft.wrong(Part("site", name), ("bearers", index), message, hint)
+                yield draft.wrong(_draft.Part("site", name), ("bearers", index), message, hint)
 
 
-def own_to_each_link(draft: Draft) -> Iterator[Finding]:
+def own_to_each_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A canary is routed over its own link only, so no other link of the site can use it."""
     for name, site in draft.sites.items():
-        part = Part("site", name)
+        part = _draft.Part("site", name)
         first_uses: dict[IPv4Address, tuple[int, int]] = {}
         for index, bearer in enumerate(site.bearers):
             for place, canary in enumerate(bearer.canaries):
@@ -255,7 +236,7 @@ def own_to_each_link(draft: Draft) -> Iterator[Finding]:
                     yield draft.wrong(part, ("bearers", index, "canaries", place), message, hint)
 
 
-def used_for_nothing_else(draft: Draft) -> Iterator[Finding]:
+def used_for_nothing_else(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A canary is unreachable while its link is down: nothing that is needed may stand at its address."""
     networks = NetworkIndex(claims(draft))
     for name, site in draft.sites.items():
@@ -264,10 +245,10 @@ def used_for_nothing_else(draft: Draft) -> Iterator[Finding]:
                 if use := _other_use(draft, networks, canary):
                     message = f"the canary {canary} of link `{bearer.name}` is {use}"
                     hint = "choose a host beyond the link that is used for nothing else"
-                    yield draft.wrong(Part("site", name), ("bearers", index, "canaries", place), message, hint)
+                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, "canaries", place), message, hint)
 
 
-def _other_use(draft: Draft, networks: NetworkIndex, address: IPv4Address) -> str | None:
+def _other_use(draft: _draft.Draft, networks: NetworkIndex, address: IPv4Address) -> str | None:
     if draft.pilot is not None:
         if address == draft.pilot.vpn.endpoint:
             return "the VPN's endpoint"
@@ -278,4 +259,4 @@ def _other_use(draft: Draft, networks: NetworkIndex, address: IPv4Address) -> st
     return f"inside {claim.what}, {claim.network}" if claim is not None else None
 
 
-PROBES_RULES: tuple[Rule, ...] = (two_or_none, own_to_each_link, used_for_nothing_else)
+PROBES_RULES: tuple[_draft.Rule, ...] = (two_or_none, own_to_each_link, used_for_nothing_else)

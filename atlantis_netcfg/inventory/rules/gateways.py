@@ -9,18 +9,17 @@ from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.model import AddressBy, Repository, SiteComputer
+from atlantis_netcfg.inventory import _draft, model
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from atlantis_netcfg.inventory.findings import Finding
 
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 
 
-def release_known(draft: Draft) -> Iterator[Finding]:
+def release_known(draft: _draft.Draft) -> Iterator[Finding]:
     """Which ROS 2 is installed, and how its programs find each other, is declared in one place."""
     if draft.pilot is None or draft.pilot.dds is not None:
         return
@@ -29,7 +28,7 @@ def release_known(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(_PILOT, ("gateways", "ros2"), "which release of ROS 2 is not declared", hint)
 
 
-def pins_once(draft: Draft) -> Iterator[Finding]:
+def pins_once(draft: _draft.Draft) -> Iterator[Finding]:
     """One package has one version."""
     ros2 = draft.pilot.gateways.ros2 if draft.pilot is not None else None
     seen_packages: set[str] = set()
@@ -40,7 +39,7 @@ def pins_once(draft: Draft) -> Iterator[Finding]:
         seen_packages.add(pin.package)
 
 
-def builds_on_ros(draft: Draft) -> Iterator[Finding]:
+def builds_on_ros(draft: _draft.Draft) -> Iterator[Finding]:
     """The library is a workspace of ROS 2."""
     if draft.pilot is None:
         return
@@ -50,7 +49,7 @@ def builds_on_ros(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(_PILOT, ("gateways", "interop"), message, "write `ros2:` beside it")
 
 
-def tested_with_examples(draft: Draft) -> Iterator[Finding]:
+def tested_with_examples(draft: _draft.Draft) -> Iterator[Finding]:
     """The robot of the connection test is one of the examples."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is not None and interop.connection_test is not None and interop.examples is None:
@@ -59,12 +58,15 @@ def tested_with_examples(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(_PILOT, where, message, "write `examples:` beside it, or leave the test out")
 
 
-def tokens_unseen(draft: Draft) -> Iterator[Finding]:
+def tokens_unseen(draft: _draft.Draft) -> Iterator[Finding]:
     """Plain HTTP shows a token to everyone on the way; inside a site's own network that is accepted."""
     interop = draft.pilot.gateways.interop if draft.pilot is not None else None
     if interop is None:
         return
-    both: tuple[tuple[str, Repository | None], ...] = (("library", interop.library), ("examples", interop.examples))
+    both: tuple[tuple[str, model.Repository | None], ...] = (
+        ("library", interop.library),
+        ("examples", interop.examples),
+    )
     for name, repository in both:
         if repository is None or repository.token is None:
             continue
@@ -81,19 +83,19 @@ def _private(host: str) -> bool:
         return False
 
 
-def one_interface(draft: Draft) -> Iterator[Finding]:
+def one_interface(draft: _draft.Draft) -> Iterator[Finding]:
     """The card and the run configure the same interface: otherwise the first run cuts what the card has made."""
-    for host, _, device in draft.boxes(SiteComputer):
+    for host, _, device in draft.boxes(model.SiteComputer):
         if device.network is None or device.image is None or device.image.interface is None:
             continue
         if device.network.interface != device.image.interface:
-            line = draft.mark(Part("device", host), "image", "interface").line
+            line = draft.mark(_draft.Part("device", host), "image", "interface").line
             message = f"the image configures `{device.image.interface}` (line {line}), not `{device.network.interface}`"
             hint = "write the same name twice: `ip link` on the board shows it"
-            yield draft.wrong(Part("device", host), ("network", "interface"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("network", "interface"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     release_known,
     pins_once,
     builds_on_ros,
@@ -103,38 +105,40 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-def way_in(draft: Draft) -> Iterator[Finding]:
+def way_in(draft: _draft.Draft) -> Iterator[Finding]:
     """Every password is removed from an image, so that without a key nobody could log in."""
-    for host, _, device in draft.boxes(SiteComputer):
+    for host, _, device in draft.boxes(model.SiteComputer):
         if device.image is not None and not device.image.ssh_keys:
             message = f"nobody could log in to `{host}`: its image has no SSH key, and no password stays in it"
             hint = "write the technicians' public keys, one a line"
-            yield draft.wrong(Part("device", host), ("image", "ssh_keys"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("image", "ssh_keys"), message, hint)
 
 
-def keys_once(draft: Draft) -> Iterator[Finding]:
+def keys_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A technician's key stands once: who takes it back must not overlook a second line."""
-    for host, _, device in draft.boxes(SiteComputer):
+    for host, _, device in draft.boxes(model.SiteComputer):
         index_by_key: dict[str, int] = {}
         for index, key in enumerate(device.image.ssh_keys if device.image else ()):
             body = key.split(" ")[1]
             first = index_by_key.setdefault(body, index)
             if first != index:
-                line = draft.mark(Part("device", host), "image", "ssh_keys", first).line
+                line = draft.mark(_draft.Part("device", host), "image", "ssh_keys", first).line
                 message = f"this key stands twice, first in line {line}"
-                yield draft.wrong(Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two")
+                yield draft.wrong(
+                    _draft.Part("device", host), ("image", "ssh_keys", index), message, "remove one of the two"
+                )
 
 
-def require_reservation(draft: Draft) -> Iterator[Finding]:
+def require_reservation(draft: _draft.Draft) -> Iterator[Finding]:
     """With DHCP the declared address comes true only by a reservation; without one nobody finds the gateway."""
-    for host, name, device in draft.boxes(SiteComputer):
+    for host, name, device in draft.boxes(model.SiteComputer):
         site = draft.sites.get(name)
-        if device.image is None or device.image.address_by is not AddressBy.DHCP or site is None:
+        if device.image is None or device.image.address_by is not model.AddressBy.DHCP or site is None:
             continue
         if all(reservation.address != device.address for reservation in site.lan.reservations):
             message = f"`{host}` gets its address by DHCP, and the LAN of `{name}` reserves {device.address} for nobody"
             hint = f"add {{name: {host}, mac: …, address: {device.address}}} to `lan.reservations`, or write `static`"
-            yield draft.wrong(Part("device", host), ("image", "address_by"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("image", "address_by"), message, hint)
 
 
-GATEWAY_RULES: tuple[Rule, ...] = (way_in, keys_once, require_reservation)
+GATEWAY_RULES: tuple[_draft.Rule, ...] = (way_in, keys_once, require_reservation)

@@ -8,19 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.model import (
-    Bearer,
-    Cpe,
-    Device,
-    LanBox,
-    LteRouter,
-    Router,
-    SatelliteTerminal,
-    Site,
-    Switch,
-    TrafficClass,
-)
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -31,27 +19,27 @@ if TYPE_CHECKING:
 _MOST_PREFIX = 29
 
 
-def gateway_in_network(draft: Draft) -> Iterator[Finding]:
+def gateway_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """The router's own address is a usable one of its LAN."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.lan.gateway, site.lan.network):
             message = f"the gateway {site.lan.gateway} {why}"
-            yield draft.wrong(Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
+            yield draft.wrong(_draft.Part("site", name), ("lan", "gateway"), message, example_in(site.lan.network))
 
 
-def network_has_room(draft: Draft) -> Iterator[Finding]:
+def network_has_room(draft: _draft.Draft) -> Iterator[Finding]:
     """A LAN holds a router, a gateway computer and robots."""
     for name, site in draft.sites.items():
         if site.lan.network.prefixlen > _MOST_PREFIX:
             message = f"{site.lan.network} is too small for a LAN"
             hint = f"{site.lan.network.supernet(new_prefix=24)} has room for 254"
-            yield draft.wrong(Part("site", name), ("lan", "network"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("lan", "network"), message, hint)
 
 
-def dhcp_range(draft: Draft) -> Iterator[Finding]:
+def dhcp_range(draft: _draft.Draft) -> Iterator[Finding]:
     """The range is inside the LAN, not reversed, and without the router."""
     for name, site in draft.sites.items():
-        lan, part = site.lan, Part("site", name)
+        lan, part = site.lan, _draft.Part("site", name)
         outside = False
         for key, address in (("first", lan.dhcp.first), ("last", lan.dhcp.last)):
             if why := why_unusable(address, lan.network):
@@ -69,7 +57,7 @@ def dhcp_range(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("lan", "dhcp", "first"), message, f"begin after {lan.gateway}, or end before it")
 
 
-def reservations_in_network(draft: Draft) -> Iterator[Finding]:
+def reservations_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """A reserved address is in the LAN and outside the range that goes to anybody."""
     for name, site in draft.sites.items():
         dhcp = site.lan.dhcp
@@ -77,34 +65,38 @@ def reservations_in_network(draft: Draft) -> Iterator[Finding]:
             path = ("lan", "reservations", index, "address")
             if why := why_unusable(reservation.address, site.lan.network):
                 message = f"the reserved address {reservation.address} of `{reservation.name}` {why}"
-                yield draft.wrong(Part("site", name), path, message, example_in(site.lan.network))
+                yield draft.wrong(_draft.Part("site", name), path, message, example_in(site.lan.network))
             elif dhcp.first <= reservation.address <= dhcp.last:
                 message = f"the reserved address {reservation.address} of `{reservation.name}` is inside the DHCP range"
                 hint = f"choose one outside {dhcp.first} to {dhcp.last}"
-                yield draft.wrong(Part("site", name), path, message, hint)
+                yield draft.wrong(_draft.Part("site", name), path, message, hint)
 
 
-def reservation_names(draft: Draft) -> Iterator[Finding]:
+def reservation_names(draft: _draft.Draft) -> Iterator[Finding]:
     """A name stands once in a site's reservations."""
     for name, site in draft.sites.items():
         index_by_name: dict[str, int] = {}
         for index, reservation in enumerate(site.lan.reservations):
             first = index_by_name.setdefault(reservation.name, index)
             if first != index:
-                part = Part("site", name)
+                part = _draft.Part("site", name)
                 line = draft.mark(part, "lan", "reservations", first, "name").line
                 message = f"`{reservation.name}` is reserved twice, first in line {line}"
                 yield draft.wrong(part, ("lan", "reservations", index, "name"), message, "remove one of the two")
 
 
-def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
+def reservations_of_hosts(draft: _draft.Draft) -> Iterator[Finding]:
     """A reservation with a host's name says the same as the host."""
     for name, site in draft.sites.items():
         for index, reservation in enumerate(site.lan.reservations):
             device = draft.devices.get(reservation.name)
-            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, LanBox):
+            if draft.layout.hosts.get(reservation.name) != name or not isinstance(device, model.LanBox):
                 continue
-            part, path, of_host = Part("site", name), ("lan", "reservations", index), Part("device", reservation.name)
+            part, path, of_host = (
+                _draft.Part("site", name),
+                ("lan", "reservations", index),
+                _draft.Part("device", reservation.name),
+            )
             if device.address != reservation.address:
                 text = f"`{reservation.name}` is reserved {reservation.address}"
                 message = f"{text}, but {draft.where(of_host, 'address')} says {device.address}"
@@ -116,13 +108,13 @@ def reservations_of_hosts(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, (*path, "mac"), f"{message} {device.mac}", "make both the same")
 
 
-def hosts_in_network(draft: Draft) -> Iterator[Finding]:
+def hosts_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """A host of the LAN has an address of it that DHCP gives to nobody else."""
-    for host, name, device in draft.boxes(LanBox):
+    for host, name, device in draft.boxes(model.LanBox):
         site = draft.sites.get(name)
         if site is None:
             continue
-        part, dhcp = Part("device", host), site.lan.dhcp
+        part, dhcp = _draft.Part("device", host), site.lan.dhcp
         if why := why_unusable(device.address, site.lan.network):
             message = f"the address {device.address} of `{host}` {why}, the LAN of `{name}`"
             yield draft.wrong(part, ("address",), message, example_in(site.lan.network))
@@ -134,7 +126,7 @@ def hosts_in_network(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("address",), message, hint)
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     gateway_in_network,
     network_has_room,
     dhcp_range,
@@ -151,21 +143,21 @@ class _AddressUse:
 
     value: str
     owner: str
-    part: Part
+    part: _draft.Part
     path: tuple[str | int, ...]
 
 
-def addresses(draft: Draft) -> Iterator[Finding]:
+def addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """No two devices have one address."""
     yield from _twice(draft, _addresses(draft), "address")
 
 
-def macs(draft: Draft) -> Iterator[Finding]:
+def macs(draft: _draft.Draft) -> Iterator[Finding]:
     """No two devices have one MAC address. A robot keeps its own, and its name, at every site."""
     yield from _twice(draft, _macs(draft), "MAC address")
 
 
-def _twice(draft: Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
+def _twice(draft: _draft.Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Finding]:
     first: dict[str, _AddressUse] = {}
     result: set[tuple[str, str]] = set()
     for use in uses:
@@ -177,16 +169,16 @@ def _twice(draft: Draft, uses: Iterator[_AddressUse], what: str) -> Iterator[Fin
             yield draft.wrong(use.part, use.path, message, f"give each its own {what}")
 
 
-def _addresses(draft: Draft) -> Iterator[_AddressUse]:
+def _addresses(draft: _draft.Draft) -> Iterator[_AddressUse]:
     for host, device in draft.devices.items():
-        part = Part("device", host)
+        part = _draft.Part("device", host)
         yield from (_AddressUse(str(value), _owner(draft, host), part, path) for value, path in _of_device(device))
     for name, site in draft.sites.items():
         yield from _of_site(draft, name, site)
 
 
-def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
-    part, router = Part("site", name), _router(draft, name)
+def _of_site(draft: _draft.Draft, name: str, site: model.Site) -> Iterator[_AddressUse]:
+    part, router = _draft.Part("site", name), _router(draft, name)
     yield _AddressUse(str(site.lan.gateway), router, part, ("lan", "gateway"))
     for index, bearer in enumerate(site.bearers):
         yield _AddressUse(str(bearer.address), router, part, ("bearers", index, "address"))
@@ -201,25 +193,25 @@ def _of_site(draft: Draft, name: str, site: Site) -> Iterator[_AddressUse]:
         owner = f"`{reservation.name}`" if here else f"reservation `{reservation.name}`"
         path = ("lan", "reservations", index, "address")
         device = draft.devices.get(reservation.name)
-        is_reported = here and isinstance(device, LanBox) and device.address != reservation.address
+        is_reported = here and isinstance(device, model.LanBox) and device.address != reservation.address
         if not is_reported:  # what contradicts its own host is told by the rules of the LAN
             yield _AddressUse(str(reservation.address), owner, part, path)
 
 
-def _router(draft: Draft, site: str) -> str:
+def _router(draft: _draft.Draft, site: str) -> str:
     site_router = draft.router_of(site)
     return f"`{site_router[0]}`" if site_router is not None else f"the router of `{site}`"
 
 
-def _owner(draft: Draft, host: str) -> str:
+def _owner(draft: _draft.Draft, host: str) -> str:
     site = draft.layout.hosts[host]
-    return _router(draft, site) if isinstance(draft.devices[host], Router) else f"`{host}`"
+    return _router(draft, site) if isinstance(draft.devices[host], model.Router) else f"`{host}`"
 
 
-def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
+def _far_end(draft: _draft.Draft, name: str, bearer: model.Bearer) -> str:
     """Who answers at the bearer's gateway: the box at this end, or the router that serves the link."""
     for host, box in draft.devices.items():
-        if not isinstance(box, LteRouter | SatelliteTerminal) or draft.layout.hosts[host] != name:
+        if not isinstance(box, model.LteRouter | model.SatelliteTerminal) or draft.layout.hosts[host] != name:
             continue
         if box.address == bearer.gateway:
             return f"`{host}`"
@@ -230,21 +222,21 @@ def _far_end(draft: Draft, name: str, bearer: Bearer) -> str:
     return f"the gateway of link `{bearer.name}` at `{name}`"
 
 
-def _of_device(device: Device) -> Iterator[tuple[object, tuple[str, ...]]]:
-    if isinstance(device, Router | Switch | Cpe):
+def _of_device(device: model.Device) -> Iterator[tuple[object, tuple[str, ...]]]:
+    if isinstance(device, model.Router | model.Switch | model.Cpe):
         yield device.access.address, ("access", "address")
     else:
         yield device.address, ("address",)
-    if isinstance(device, Router) and device.vpn_client is not None:
+    if isinstance(device, model.Router) and device.vpn_client is not None:
         yield device.vpn_client.address, ("vpn_client", "address")
-    if isinstance(device, LanBox) and device.vpn_address is not None:
+    if isinstance(device, model.LanBox) and device.vpn_address is not None:
         yield device.vpn_address, ("vpn_address",)
 
 
-def _macs(draft: Draft) -> Iterator[_AddressUse]:
+def _macs(draft: _draft.Draft) -> Iterator[_AddressUse]:
     for host, device in draft.devices.items():
         if device.mac is not None:
-            yield _AddressUse(device.mac, f"`{host}`", Part("device", host), ("mac",))
+            yield _AddressUse(device.mac, f"`{host}`", _draft.Part("device", host), ("mac",))
     for name, site in draft.sites.items():
         for index, reservation in enumerate(site.lan.reservations):
             device_here = (
@@ -252,24 +244,27 @@ def _macs(draft: Draft) -> Iterator[_AddressUse]:
             )
             if device_here is None or device_here.mac in {None, reservation.mac}:  # else told by the rules of the LAN
                 yield _AddressUse(
-                    reservation.mac, f"`{reservation.name}`", Part("site", name), ("lan", "reservations", index, "mac")
+                    reservation.mac,
+                    f"`{reservation.name}`",
+                    _draft.Part("site", name),
+                    ("lan", "reservations", index, "mac"),
                 )
 
 
-UNIQUE_ADDRESSES_RULES: tuple[Rule, ...] = (addresses, macs)
+UNIQUE_ADDRESSES_RULES: tuple[_draft.Rule, ...] = (addresses, macs)
 
 
-def classes_have_a_queue(draft: Draft) -> Iterator[Finding]:
+def classes_have_a_queue(draft: _draft.Draft) -> Iterator[Finding]:
     """A class of traffic means something on a thin link only: elsewhere nothing waits in the router."""
     for name, site in draft.sites.items():
         if any(bearer.thin for bearer in site.bearers):
             continue
         for index, row in enumerate(site.lan.reservations):
-            if row.traffic is not TrafficClass.CONTROL:
+            if row.traffic is not model.TrafficClass.CONTROL:
                 message = f"`{row.name}` counts as {row.traffic}, and `{name}` has no thin link where that matters"
                 path = ("lan", "reservations", index, "traffic")
                 hint = "remove `traffic:`; a thin link is a satellite, or sends less than 2 Mbit/s (`rate.up_kbps`)"
-                yield draft.wrong(Part("site", name), path, message, hint)
+                yield draft.wrong(_draft.Part("site", name), path, message, hint)
 
 
-WARNINGS: tuple[Rule, ...] = (classes_have_a_queue,)
+WARNINGS: tuple[_draft.Rule, ...] = (classes_have_a_queue,)

@@ -8,9 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import BEARER_TRAITS, Bearer, BearerKind, Cpe, ServedLink
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -28,25 +27,25 @@ class BridgeEnd:
 
     site: str
     path: tuple[str, int]
-    link: Bearer | ServedLink
-    kind: BearerKind
+    link: model.Bearer | model.ServedLink
+    kind: model.BearerKind
 
     @property
-    def part(self) -> Part:
+    def part(self) -> _draft.Part:
         """Where it is declared."""
-        return Part("site", self.site)
+        return _draft.Part("site", self.site)
 
 
-def ends(draft: Draft) -> Iterator[BridgeEnd]:
+def ends(draft: _draft.Draft) -> Iterator[BridgeEnd]:
     """Every link of every site."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             yield BridgeEnd(name, ("bearers", index), bearer, bearer.kind)
         for index, link in enumerate(site.served_links):
-            yield BridgeEnd(name, ("served_links", index), link, BearerKind.WIFI_PTP)
+            yield BridgeEnd(name, ("served_links", index), link, model.BearerKind.WIFI_PTP)
 
 
-def addresses(draft: Draft) -> Iterator[Finding]:
+def addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """The router's address and the gateway are usable addresses of the link's network."""
     for end in ends(draft):
         link = end.link
@@ -56,7 +55,7 @@ def addresses(draft: Draft) -> Iterator[Finding]:
             yield from _in_network(draft, end, "gateway", gateway)
 
 
-def gaps_leave_time(draft: Draft) -> Iterator[Finding]:
+def gaps_leave_time(draft: _draft.Draft) -> Iterator[Finding]:
     """A link that is silent for more than half of the time carries no rehearsal."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -64,16 +63,16 @@ def gaps_leave_time(draft: Draft) -> Iterator[Finding]:
             if silent_s > _MOST_SILENT_S:
                 message = f"the gaps of link `{bearer.name}` take {silent_s:g} s of each hour"
                 hint = f"declare at most {_MOST_SILENT_S} s: shorter gaps (`length_s`), or fewer (`per_hour`)"
-                yield draft.wrong(Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
+                yield draft.wrong(_draft.Part("site", name), ("bearers", index, "rate", "gaps"), message, hint)
 
 
-def _in_network(draft: Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
+def _in_network(draft: _draft.Draft, end: BridgeEnd, key: str, address: IPv4Address) -> Iterator[Finding]:
     if why := why_unusable(address, end.link.network):
         message = f"the {key} {address} of link `{end.link.name}` {why}"
         yield draft.wrong(end.part, (*end.path, key), message, example_in(end.link.network))
 
 
-def names(draft: Draft) -> Iterator[Finding]:
+def names(draft: _draft.Draft) -> Iterator[Finding]:
     """A link's name stands once at its site, and is not the word for the management port."""
     first_ends: dict[tuple[str, str], BridgeEnd] = {}
     for end in ends(draft):
@@ -88,7 +87,7 @@ def names(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(end.part, path, message, "give each link its own name")
 
 
-def devices(draft: Draft) -> Iterator[Finding]:
+def devices(draft: _draft.Draft) -> Iterator[Finding]:
     """A link has the box that its kind needs, at its own site."""
     for end in ends(draft):
         kind = end.kind.traits.box
@@ -101,12 +100,12 @@ def devices(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(end.part, (*end.path, "device"), *problem)
 
 
-def _candidates(draft: Draft, site: str, kind: str) -> str:
+def _candidates(draft: _draft.Draft, site: str, kind: str) -> str:
     here = [host for host, place in draft.layout.hosts.items() if place == site and draft.kind_of(host) == kind]
     return f"`{here[0]}`" if here else f"a {kind} of the site"
 
 
-def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
+def _wrong_device(draft: _draft.Draft, end: BridgeEnd, host: str, kind: str | None) -> tuple[str, str] | None:
     if host not in draft.layout.hosts:
         here = [name for name, site in draft.layout.hosts.items() if site == end.site]
         return f"there is no host `{host}`", suggest(host, here, none="add it to hosts.yml")
@@ -122,7 +121,7 @@ def _wrong_device(draft: Draft, end: BridgeEnd, host: str, kind: str | None) -> 
     return None
 
 
-def each_box_once(draft: Draft) -> Iterator[Finding]:
+def each_box_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A radio carries one link."""
     for end, first in _shared_devices(draft):
         where = draft.where(first.part, *first.path, "device")
@@ -130,7 +129,7 @@ def each_box_once(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(end.part, (*end.path, "device"), message, "a device carries one link")
 
 
-def _shared_devices(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
+def _shared_devices(draft: _draft.Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
     first_ends: dict[str, BridgeEnd] = {}
     for end in ends(draft):
         if end.link.device is None or _wrong_device(draft, end, end.link.device, end.kind.traits.box) is not None:
@@ -140,7 +139,7 @@ def _shared_devices(draft: Draft) -> Iterator[tuple[BridgeEnd, BridgeEnd]]:
             yield end, first
 
 
-def no_box_idle(draft: Draft) -> Iterator[Finding]:
+def no_box_idle(draft: _draft.Draft) -> Iterator[Finding]:
     """No radio is left without a link. Where a link of its kind waits for one, that is the error, told there."""
     waiting = {(end.site, end.kind.traits.box) for end, _ in _shared_devices(draft)}
     used = set()
@@ -149,7 +148,7 @@ def no_box_idle(draft: Draft) -> Iterator[Finding]:
         if end.link.device is None or _wrong_device(draft, end, end.link.device, kind) is not None:
             waiting.add((end.site, kind))
         used.add(end.link.device)
-    boxes = {traits.box for traits in BEARER_TRAITS.values()}
+    boxes = {traits.box for traits in model.BEARER_TRAITS.values()}
     for host, device in draft.devices.items():
         site = draft.layout.hosts[host]
         if device.kind not in boxes or host in used or site not in draft.sites:
@@ -157,10 +156,10 @@ def no_box_idle(draft: Draft) -> Iterator[Finding]:
         if (site, device.kind) not in waiting:
             message = f"`{host}` carries no link of `{site}`"
             hint = f"name it as `device:` of a link in group_vars/{site}.yml, or remove the host"
-            yield draft.wrong(Part("device", host), (), message, hint)
+            yield draft.wrong(_draft.Part("device", host), (), message, hint)
 
 
-def boxes_in_network(draft: Draft) -> Iterator[Finding]:
+def boxes_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """The box at this end has an address of the link's network."""
     second = [end for end, _ in _shared_devices(draft)]
     for end in ends(draft):
@@ -168,17 +167,25 @@ def boxes_in_network(draft: Draft) -> Iterator[Finding]:
         if host is None or end in second or _wrong_device(draft, end, host, end.kind.traits.box) is not None:
             continue
         device = draft.devices.get(host)
-        path = ("access", "address") if isinstance(device, Cpe) else ("address",)
-        address = device.access.address if isinstance(device, Cpe) else getattr(device, "address", None)
+        path = ("access", "address") if isinstance(device, model.Cpe) else ("address",)
+        address = device.access.address if isinstance(device, model.Cpe) else getattr(device, "address", None)
         if address is not None and (why := why_unusable(address, end.link.network)):
             message = f"the address {address} of `{host}` {why}, the network of link `{end.link.name}`"
-            yield draft.wrong(Part("device", host), path, message, example_in(end.link.network))
+            yield draft.wrong(_draft.Part("device", host), path, message, example_in(end.link.network))
 
 
-RULES: tuple[Rule, ...] = (addresses, names, devices, each_box_once, no_box_idle, boxes_in_network, gaps_leave_time)
+RULES: tuple[_draft.Rule, ...] = (
+    addresses,
+    names,
+    devices,
+    each_box_once,
+    no_box_idle,
+    boxes_in_network,
+    gaps_leave_time,
+)
 
 
-def bridges(draft: Draft) -> Iterator[Finding]:
+def bridges(draft: _draft.Draft) -> Iterator[Finding]:
     """Both ends of a Wi-Fi bridge are declared, and they are one network with the served end as its gateway."""
     every = list(ends(draft))
     if len(draft.sites) != len(draft.layout.sites):
@@ -205,7 +212,7 @@ def _carries(end: BridgeEnd) -> str:
     return str(getattr(end.link, "carries", ""))
 
 
-def _check_carried_site(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
+def _check_carried_site(draft: _draft.Draft, end: BridgeEnd, bearers: list[BridgeEnd]) -> Iterator[Finding]:
     carried_site, path = _carries(end), (*end.path, "carries")
     others = [site for site in draft.sites if site != end.site]
     if carried_site == end.site:
@@ -220,7 +227,7 @@ def _check_carried_site(draft: Draft, end: BridgeEnd, bearers: list[BridgeEnd]) 
         yield draft.wrong(end.part, path, message, f"add the bearer to `{carried_site}`, or remove this link")
 
 
-def _agree(draft: Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
+def _agree(draft: _draft.Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
     where = f"`{far.site}` says {far.link.network} ({draft.where(far.part, *far.path, 'network')})"
     if near.link.network != far.link.network:
         message = f"the two ends of link `{near.link.name}` are in different networks: {near.link.network} here,"
@@ -233,4 +240,4 @@ def _agree(draft: Draft, near: BridgeEnd, far: BridgeEnd) -> Iterator[Finding]:
         yield draft.wrong(near.part, (*near.path, "gateway"), message, f"{far.link.address}, as {where} has it")
 
 
-BRIDGES_RULES: tuple[Rule, ...] = (bridges,)
+BRIDGES_RULES: tuple[_draft.Rule, ...] = (bridges,)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 
@@ -72,10 +72,10 @@ def _value(device: LteRouter, path: tuple[str, ...]) -> object:
     return result
 
 
-def fields(draft: Draft) -> Iterator[Finding]:
+def fields(draft: _draft.Draft) -> Iterator[Finding]:
     """Each driver has what it needs, and nothing that it would leave unused."""
     for host, _, device in draft.boxes(LteRouter):
-        part, driver = Part("device", host), device.driver
+        part, driver = _draft.Part("device", host), device.driver
         for field in FIELDS:
             is_set = _value(device, field.path) not in {None, ()}
             name = ".".join(field.path)
@@ -89,16 +89,16 @@ def fields(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, message, field.hint)
 
 
-def apn(draft: Draft) -> Iterator[Finding]:
+def apn(draft: _draft.Draft) -> Iterator[Finding]:
     """The access point name is one that a network can have."""
     for host, _, device in draft.boxes(LteRouter):
         name = device.sim.apn
         if name is not None and not _APN.fullmatch(name):
             message = f"`{name}` is no access point name: letters, digits, dots and dashes, no blanks"
-            yield draft.wrong(Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract")
+            yield draft.wrong(_draft.Part("device", host), ("sim", "apn"), message, "copy it from the SIM's contract")
 
 
-def pin(draft: Draft) -> Iterator[Finding]:
+def pin(draft: _draft.Draft) -> Iterator[Finding]:
     """A PIN that cannot be right would cost one of three tries; one that is still sealed cannot be looked at."""
     for host, _, device in draft.boxes(LteRouter):
         number = device.sim.pin
@@ -106,10 +106,10 @@ def pin(draft: Draft) -> Iterator[Finding]:
             continue
         message = "the PIN must have 4 to 8 digits; a wrong one costs one of the SIM's three tries"
         hint = "vault the PIN of the SIM's letter, or remove `pin` while there is none"
-        yield draft.wrong(Part("device", host), ("sim", "pin"), message, hint)
+        yield draft.wrong(_draft.Part("device", host), ("sim", "pin"), message, hint)
 
 
-def administrator(draft: Draft) -> Iterator[Finding]:
+def administrator(draft: _draft.Draft) -> Iterator[Finding]:
     """Whoever may set a RutOS unit has a name and a password, or is nobody."""
     for host, _, device in draft.boxes(LteRouter):
         access = device.access
@@ -118,22 +118,22 @@ def administrator(draft: Draft) -> Iterator[Finding]:
         missing, there = ("admin_password", "admin_user") if access.admin_user else ("admin_user", "admin_password")
         message = f"`{there}` stands without `{missing}`: nobody could log in to set the unit"
         hint = f"add `{missing}`, or remove `{there}`: then the unit is only checked"
-        yield draft.wrong(Part("device", host), ("access", there), message, hint)
+        yield draft.wrong(_draft.Part("device", host), ("access", there), message, hint)
 
 
-def in_quotes(draft: Draft) -> Iterator[Finding]:
+def in_quotes(draft: _draft.Draft) -> Iterator[Finding]:
     """What is set on a RutOS unit goes to `uci` between single quotes."""
     for host, _, device in draft.boxes(LteRouter):
         user = device.sim.user
         if device.driver is _RUTOS and user is not None and ("'" in user or "\\" in user):
             message = f"`{user}` cannot be set on a RutOS unit: it has a quote or a backslash"
-            yield draft.wrong(Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract")
+            yield draft.wrong(_draft.Part("device", host), ("sim", "user"), message, "copy it from the SIM's contract")
 
 
-def within_reach(draft: Draft) -> Iterator[Finding]:
+def within_reach(draft: _draft.Draft) -> Iterator[Finding]:
     """A modem is read in the computer that runs `provision`, at a port of it."""
     for host, _, device in draft.boxes(LteRouter):
-        part = Part("device", host)
+        part = _draft.Part("device", host)
         if device.host is not None and device.driver in {_MODEMMANAGER, _AT}:
             message = f"a modem in another computer (`{device.host}`) cannot be read yet"
             hint = "leave `host` out and run `provision` on that computer, or write `driver: manual`"
@@ -143,7 +143,7 @@ def within_reach(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("serial",), message, "write its whole path, like /dev/ttyUSB2")
 
 
-def is_the_gateway(draft: Draft) -> Iterator[Finding]:
+def is_the_gateway(draft: _draft.Draft) -> Iterator[Finding]:
     """A box that routes is the next hop of its link: with another address the site's router would not find it."""
     for host, name, device in draft.boxes(LteRouter):
         site = draft.sites.get(name)
@@ -152,12 +152,12 @@ def is_the_gateway(draft: Draft) -> Iterator[Finding]:
         for index, bearer in enumerate(site.bearers):
             both = {bearer.gateway, device.address}
             if bearer.device == host and len(both) > 1 and all(address in bearer.network for address in both):
-                where = draft.where(Part("site", name), "bearers", index, "gateway")
+                where = draft.where(_draft.Part("site", name), "bearers", index, "gateway")
                 message = f"the address {device.address} is not the gateway of link `{bearer.name}` ({where})"
-                yield draft.wrong(Part("device", host), ("address",), message, f"write {bearer.gateway}")
+                yield draft.wrong(_draft.Part("device", host), ("address",), message, f"write {bearer.gateway}")
 
 
-RULES: tuple[Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)
+RULES: tuple[_draft.Rule, ...] = (fields, apn, pin, administrator, in_quotes, within_reach, is_the_gateway)
 
 _MOST = 9
 _SATELLITE_HOLD_S = 90
@@ -165,17 +165,17 @@ _SATELLITE_HOLD_S = 90
 """Links are ten apart in distance, and a hundred more when they are given up: RouterOS has distances up to 255."""
 
 
-def there_is_another_link(draft: Draft) -> Iterator[Finding]:
+def there_is_another_link(draft: _draft.Draft) -> Iterator[Finding]:
     """With one link there is nothing to fail over to."""
     for name, site in draft.sites.items():
         if "failover" in site.model_fields_set and len(site.bearers) == 1:
             message = f"`failover` is declared, and `{site.bearers[0].name}` is the only link of `{name}`"
             yield draft.wrong(
-                Part("site", name), ("failover",), message, "remove `failover:`, or declare a second link"
+                _draft.Part("site", name), ("failover",), message, "remove `failover:`, or declare a second link"
             )
 
 
-def returns_no_sooner_than_it_leaves(draft: Draft) -> Iterator[Finding]:
+def returns_no_sooner_than_it_leaves(draft: _draft.Draft) -> Iterator[Finding]:
     """A link that is taken back sooner than it is left goes up and down with every short interruption."""
     for name, site in draft.sites.items():
         times = site.failover
@@ -186,10 +186,10 @@ def returns_no_sooner_than_it_leaves(draft: Draft) -> Iterator[Finding]:
             )
             key = "fail_back_s" if "fail_back_s" in times.model_fields_set else "hold_down_s"
             hint = "let `fail_back_s` be at least `hold_down_s`, better some minutes"
-            yield draft.wrong(Part("site", name), ("failover", key), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("failover", key), message, hint)
 
 
-def metered_links_to_ask_over(draft: Draft) -> Iterator[Finding]:
+def metered_links_to_ask_over(draft: _draft.Draft) -> Iterator[Finding]:
     """`metered_probe_s` is about links that are paid by the byte and asked all the same."""
     for name, site in draft.sites.items():
         if "metered_probe_s" not in site.failover.model_fields_set or len(site.bearers) == 1:
@@ -197,10 +197,10 @@ def metered_links_to_ask_over(draft: Draft) -> Iterator[Finding]:
         if not any(bearer.metered and bearer.canaries for bearer in site.bearers[:-1]):
             message = f"`metered_probe_s` is declared, and no link of `{name}` with canaries is metered"
             hint = "remove it: links that cost nothing are asked every 5 s, and the last link is not asked"
-            yield draft.wrong(Part("site", name), ("failover", "metered_probe_s"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("failover", "metered_probe_s"), message, hint)
 
 
-def satellites_are_asked_within_a_budget(draft: Draft) -> Iterator[Finding]:
+def satellites_are_asked_within_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
     """Airtime is for traffic: nobody is asked over a satellite unless it is declared what that may cost.
 
     And it has to be of use: before another link, and not mistaken for a dead one in its own gaps.
@@ -209,7 +209,7 @@ def satellites_are_asked_within_a_budget(draft: Draft) -> Iterator[Finding]:
         for index, bearer in enumerate(site.bearers):
             if not (bearer.kind.traits.allow_list and bearer.canaries):
                 continue
-            part, path, last = Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
+            part, path, last = _draft.Part("site", name), ("bearers", index, "canaries"), index == len(site.bearers) - 1
             hold_s = site.failover.hold_down_s
             hint = f"remove `canaries:`; `provision prove site={name}` tries the satellite when a person asks for it"
             if bearer.canary_budget_bytes is None:
@@ -233,15 +233,17 @@ def satellites_are_asked_within_a_budget(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, message, longer)
 
 
-def not_too_many_links(draft: Draft) -> Iterator[Finding]:
+def not_too_many_links(draft: _draft.Draft) -> Iterator[Finding]:
     """More links than the router has distances for cannot be put in order."""
     for name, site in draft.sites.items():
         if len(site.bearers) > _MOST:
             message = f"`{name}` has {len(site.bearers)} links, and the order of preference has room for {_MOST}"
-            yield draft.wrong(Part("site", name), ("bearers", _MOST), message, "remove the links that nobody will use")
+            yield draft.wrong(
+                _draft.Part("site", name), ("bearers", _MOST), message, "remove the links that nobody will use"
+            )
 
 
-FAILOVER_RULES: tuple[Rule, ...] = (
+FAILOVER_RULES: tuple[_draft.Rule, ...] = (
     there_is_another_link,
     returns_no_sooner_than_it_leaves,
     metered_links_to_ask_over,

@@ -11,10 +11,9 @@ from typing import TYPE_CHECKING
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError, available_timezones
 
 from atlantis_netcfg.core.errors import nearest
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory._hosts import KIND_GROUPS
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import Access, Cpe, Router, Site, Switch
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 
 if TYPE_CHECKING:
@@ -25,26 +24,26 @@ if TYPE_CHECKING:
 _LAN = "lan"
 
 
-def technician_in_network(draft: Draft) -> Iterator[Finding]:
+def technician_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """The laptop's address is one of the management network."""
     for name, site in draft.sites.items():
         if why := why_unusable(site.management.technician, site.management.network):
             message = f"the technician's address {site.management.technician} {why}"
             hint = example_in(site.management.network)
-            yield draft.wrong(Part("site", name), ("management", "technician"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("management", "technician"), message, hint)
 
 
-def technician_admitted(draft: Draft) -> Iterator[Finding]:
+def technician_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     """The firewall of the devices admits the laptop."""
     for name, site in draft.sites.items():
         outside = why_unusable(site.management.technician, site.management.network)
         if outside is None and not any(site.management.technician in network for network in site.management.admit):
             message = f"the routers' firewall would drop the technician: no prefix holds {site.management.technician}"
             hint = f"add {site.management.network}"
-            yield draft.wrong(Part("site", name), ("management", "admit"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("management", "admit"), message, hint)
 
 
-def vpn_admitted(draft: Draft) -> Iterator[Finding]:
+def vpn_admitted(draft: _draft.Draft) -> Iterator[Finding]:
     """Where a device is managed through the tunnel, its firewall admits the infrastructure's tunnel addresses."""
     if draft.pilot is None:
         return
@@ -52,24 +51,24 @@ def vpn_admitted(draft: Draft) -> Iterator[Finding]:
     for name, site in draft.sites.items():
         if _by_tunnel(draft, name) and not any(pool.subnet_of(prefix) for prefix in site.management.admit):
             message = f"the routers' firewall would drop management through the VPN: no prefix holds {pool}"
-            yield draft.wrong(Part("site", name), ("management", "admit"), message, f"add {pool}")
+            yield draft.wrong(_draft.Part("site", name), ("management", "admit"), message, f"add {pool}")
 
 
-def _by_tunnel(draft: Draft, site: str) -> bool:
+def _by_tunnel(draft: _draft.Draft, site: str) -> bool:
     site_router = draft.router_of(site)
     if site_router is not None and site_router[1].vpn_client is not None:
         return True
     return any(place == site and access.via != _LAN for _, place, access in _accesses(draft))
 
 
-def _accesses(draft: Draft) -> Iterator[tuple[str, str, Access]]:
+def _accesses(draft: _draft.Draft) -> Iterator[tuple[str, str, model.Access]]:
     """Host, site and access of every device that the toolkit drives."""
     for host, device in draft.devices.items():
-        if isinstance(device, Router | Switch | Cpe):
+        if isinstance(device, model.Router | model.Switch | model.Cpe):
             yield host, draft.layout.hosts[host], device.access
 
 
-def partners_kept_out(draft: Draft) -> Iterator[Finding]:
+def partners_kept_out(draft: _draft.Draft) -> Iterator[Finding]:
     """No prefix lets a partner's robots manage our routers."""
     if draft.pilot is None:
         return
@@ -83,23 +82,23 @@ def partners_kept_out(draft: Draft) -> Iterator[Finding]:
             if inside:
                 message = f"{prefix} would let partners manage the routers: {', '.join(inside)}"
                 hint = "admit the management network and the VPN's infrastructure pool only"
-                yield draft.wrong(Part("site", name), ("management", "admit", index), message, hint)
+                yield draft.wrong(_draft.Part("site", name), ("management", "admit", index), message, hint)
 
 
-def router_in_network(draft: Draft) -> Iterator[Finding]:
+def router_in_network(draft: _draft.Draft) -> Iterator[Finding]:
     """A router is reached at an address of its management port."""
-    for host, name, router in draft.boxes(Router):
+    for host, name, router in draft.boxes(model.Router):
         site = draft.sites.get(name)
         if site is not None and (why := why_unusable(router.access.address, site.management.network)):
             message = f"the management address {router.access.address} {why}, the management network of `{name}`"
             hint = example_in(site.management.network)
-            yield draft.wrong(Part("device", host), ("access", "address"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("access", "address"), message, hint)
 
 
-def switch_in_lan(draft: Draft) -> Iterator[Finding]:
+def switch_in_lan(draft: _draft.Draft) -> Iterator[Finding]:
     """A switch is reached at an address of the LAN that DHCP gives to nobody else."""
-    for host, name, switch in draft.boxes(Switch):
-        site, address, part = draft.sites.get(name), switch.access.address, Part("device", host)
+    for host, name, switch in draft.boxes(model.Switch):
+        site, address, part = draft.sites.get(name), switch.access.address, _draft.Part("device", host)
         if site is None:
             continue
         if why := why_unusable(address, site.lan.network):
@@ -111,20 +110,20 @@ def switch_in_lan(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("access", "address"), message, hint)
 
 
-def via_known(draft: Draft) -> Iterator[Finding]:
+def via_known(draft: _draft.Draft) -> Iterator[Finding]:
     """`via` is the management port or a bearer of the site."""
     for host, name, access in _accesses(draft):
         site = draft.sites.get(name)
         if site is not None and access.via not in _ways(site):
             message, hint = f"`{access.via}` is no bearer of `{name}`", suggest(access.via, _ways(site), none="")
-            yield draft.wrong(Part("device", host), ("access", "via"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("access", "via"), message, hint)
 
 
-def _ways(site: Site) -> list[str]:
+def _ways(site: model.Site) -> list[str]:
     return [_LAN, *(bearer.name for bearer in site.bearers)]
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     technician_in_network,
     technician_admitted,
     vpn_admitted,
@@ -137,7 +136,7 @@ RULES: tuple[Rule, ...] = (
 _GROUP_OF = {kind: group for group, kind in KIND_GROUPS.items()}
 
 
-def check_groups(draft: Draft) -> Iterator[Finding]:
+def check_groups(draft: _draft.Draft) -> Iterator[Finding]:
     """A host stands in the group of its kind: playbooks go by the group."""
     for host, mark in draft.layout.marks.items():
         kind, result = draft.layout.kinds.get(host), draft.kind_of(host)
@@ -152,10 +151,10 @@ def check_groups(draft: Draft) -> Iterator[Finding]:
             group = draft.layout.kind_marks[host]
             message = f"`{host}` is a {result}, but stands in group `{_GROUP_OF[kind]}` ({group.file}:{group.line})"
             hint = f"move it to `{_GROUP_OF[result]}`, or write `kind: {kind}`"
-            yield draft.wrong(Part("device", host), ("kind",), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("kind",), message, hint)
 
 
-def one_router(draft: Draft) -> Iterator[Finding]:
+def one_router(draft: _draft.Draft) -> Iterator[Finding]:
     """A site has one router: it holds the LAN, every link and the management network."""
     for site, mark in draft.layout.sites.items():
         here = [host for host, place in draft.layout.hosts.items() if place == site]
@@ -169,10 +168,10 @@ def one_router(draft: Draft) -> Iterator[Finding]:
             yield Finding.at(draft.layout.marks[second], message, "a site has one router: make it a site of its own")
 
 
-GROUPS_RULES: tuple[Rule, ...] = (check_groups, one_router)
+GROUPS_RULES: tuple[_draft.Rule, ...] = (check_groups, one_router)
 
 
-def zone(draft: Draft) -> Iterator[Finding]:
+def zone(draft: _draft.Draft) -> Iterator[Finding]:
     """The zone is one of the IANA database, which RouterOS uses as well. A machine without the database cannot tell."""
     if draft.pilot is None or _exists(draft.pilot.time_zone):
         return
@@ -180,7 +179,9 @@ def zone(draft: Draft) -> Iterator[Finding]:
     if zones:
         near = nearest(draft.pilot.time_zone, zones)
         hint = f"did you mean `{near}`?" if near else "a time zone is like Europe/Lisbon"
-        yield draft.wrong(Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint)
+        yield draft.wrong(
+            _draft.Part("pilot"), ("time_zone",), f"there is no time zone `{draft.pilot.time_zone}`", hint
+        )
 
 
 def _exists(name: str) -> bool:
@@ -191,7 +192,7 @@ def _exists(name: str) -> bool:
     return True
 
 
-def servers(draft: Draft) -> Iterator[Finding]:
+def servers(draft: _draft.Draft) -> Iterator[Finding]:
     """A time server stands once."""
     if draft.pilot is None:
         return
@@ -199,8 +200,8 @@ def servers(draft: Draft) -> Iterator[Finding]:
     for index, time_server in enumerate(draft.pilot.time_servers):
         if time_server.address in name_by_address:
             message = f"{time_server.address} is already the address of {name_by_address[time_server.address]}"
-            yield draft.wrong(Part("pilot"), ("time_servers", index, "address"), message, "name another server")
+            yield draft.wrong(_draft.Part("pilot"), ("time_servers", index, "address"), message, "name another server")
         name_by_address.setdefault(time_server.address, time_server.name)
 
 
-CLOCK_RULES: tuple[Rule, ...] = (zone, servers)
+CLOCK_RULES: tuple[_draft.Rule, ...] = (zone, servers)

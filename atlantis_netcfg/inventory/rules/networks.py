@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory.model import Gateway
 
 if TYPE_CHECKING:
@@ -35,16 +35,16 @@ class Claim:
 
     network: IPv4Network
     what: str
-    part: Part
+    part: _draft.Part
     path: tuple[str | int, ...]
     end: str = ""
     """Which end of a Wi-Fi bridge it is: both ends are one network."""
 
 
-def claims(draft: Draft) -> Iterator[Claim]:
+def claims(draft: _draft.Draft) -> Iterator[Claim]:
     """Every network of the pilot that must be disjoint from all others; the VPN's pools lie inside the VPN's."""
     for name, site in draft.sites.items():
-        part = Part("site", name)
+        part = _draft.Part("site", name)
         yield Claim(site.lan.network, f"the LAN of `{name}`", part, ("lan", "network"))
         yield Claim(site.management.network, f"the management network of `{name}`", part, ("management", "network"))
         for index, bearer in enumerate(site.bearers):
@@ -57,14 +57,14 @@ def claims(draft: Draft) -> Iterator[Claim]:
     for host, _, gateway in draft.boxes(Gateway):
         if gateway.access_point is not None:
             network, what = gateway.access_point.network, f"the access point of `{host}`"
-            yield Claim(network, what, Part("device", host), ("access_point", "network"))
+            yield Claim(network, what, _draft.Part("device", host), ("access_point", "network"))
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
         if wifi is not None and wifi.client is not None:
             network, what = wifi.client.network, f"the access point of `{name}`"
-            yield Claim(network, what, Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
+            yield Claim(network, what, _draft.Part("vehicle", name), ("endpoints", "wifi", "client", "network"))
     if draft.pilot is not None:
-        yield Claim(draft.pilot.vpn.network, "the VPN", Part("pilot"), ("vpn", "network"))
+        yield Claim(draft.pilot.vpn.network, "the VPN", _draft.Part("pilot"), ("vpn", "network"))
 
 
 class NetworkIndex:
@@ -96,7 +96,7 @@ class NetworkIndex:
         return [self._claims[number] for number in sorted(numbers)]
 
 
-def disjoint(draft: Draft) -> Iterator[Finding]:
+def disjoint(draft: _draft.Draft) -> Iterator[Finding]:
     """No two networks of the pilot overlap, at one site or across sites; told once for each network."""
     network_index = NetworkIndex()
     for claim in claims(draft):
@@ -114,7 +114,7 @@ def _one_bridge(claim: Claim, other: Claim) -> bool:
     return {claim.end, other.end} == {"carried", "serving"} and claim.network == other.network
 
 
-def usable(draft: Draft) -> Iterator[Finding]:
+def usable(draft: _draft.Draft) -> Iterator[Finding]:
     """No network lies in a block that devices cannot use."""
     for claim in claims(draft):
         for block, purpose in _RESERVED_NETWORKS:
@@ -124,20 +124,20 @@ def usable(draft: Draft) -> Iterator[Finding]:
                 break
 
 
-def pools(draft: Draft) -> Iterator[Finding]:
+def pools(draft: _draft.Draft) -> Iterator[Finding]:
     """The VPN's pools lie inside the VPN's network and do not overlap one another."""
     if draft.pilot is None:
         return
     vpn = draft.pilot.vpn
-    infrastructure = ("infrastructure", vpn.infrastructure, Part("pilot"), ("vpn", "infrastructure"))
+    infrastructure = ("infrastructure", vpn.infrastructure, _draft.Part("pilot"), ("vpn", "infrastructure"))
     partners = [
-        (f"`{name}`", partner.vpn_pool, Part("partner", name), ("vpn_pool",))
+        (f"`{name}`", partner.vpn_pool, _draft.Part("partner", name), ("vpn_pool",))
         for name, partner in draft.partners.items()
     ]
-    earlier_pools: list[tuple[str, IPv4Network, Part, tuple[str, ...]]] = []
+    earlier_pools: list[tuple[str, IPv4Network, _draft.Part, tuple[str, ...]]] = []
     for what, pool, part, path in (infrastructure, *partners):
         if not pool.subnet_of(vpn.network):
-            where = draft.where(Part("pilot"), "vpn", "network")
+            where = draft.where(_draft.Part("pilot"), "vpn", "network")
             message = f"the pool {pool} of {what} is not inside the VPN's network {vpn.network} ({where})"
             yield draft.wrong(part, path, message, f"choose a part of {vpn.network}")
         for other, other_pool, other_part, other_path in earlier_pools:
@@ -148,7 +148,7 @@ def pools(draft: Draft) -> Iterator[Finding]:
         earlier_pools.append((what, pool, part, path))
 
 
-RULES: tuple[Rule, ...] = (disjoint, usable, pools)
+RULES: tuple[_draft.Rule, ...] = (disjoint, usable, pools)
 
 _POINT_TO_POINT = 31
 

@@ -8,36 +8,25 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import (
-    Bearer,
-    PoeMode,
-    Port,
-    PortUse,
-    PowerSource,
-    Router,
-    ServedLink,
-    Site,
-    Switch,
-    SwitchPort,
-    SwitchPortUse,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-def links_of(site: Site) -> list[str]:
+def links_of(site: model.Site) -> list[str]:
     """The names of a site's links, as a port may name them."""
     return [*(bearer.name for bearer in site.bearers), *(link.name for link in site.served_links)]
 
 
-def names(draft: Draft) -> Iterator[Finding]:
+def names(draft: _draft.Draft) -> Iterator[Finding]:
     """A port stands once in the list."""
     for host, device in draft.devices.items():
-        part, index_by_name = Part("device", host), dict[str, int]()
-        ports: tuple[Port | SwitchPort, ...] = device.ports if isinstance(device, Router | Switch) else ()
+        part, index_by_name = _draft.Part("device", host), dict[str, int]()
+        ports: tuple[model.Port | model.SwitchPort, ...] = (
+            device.ports if isinstance(device, model.Router | model.Switch) else ()
+        )
         for index, port in enumerate(ports):
             first = index_by_name.setdefault(port.name, index)
             if first != index:
@@ -46,11 +35,11 @@ def names(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, ("ports", index, "name"), message, "remove one, or name the other port")
 
 
-def one_for_management(draft: Draft) -> Iterator[Finding]:
+def one_for_management(draft: _draft.Draft) -> Iterator[Finding]:
     """Exactly one port belongs to the technician: it is how a router is reached when all else fails."""
-    for host, _, router in draft.boxes(Router):
-        part = Part("device", host)
-        used = [index for index, port in enumerate(router.ports) if port.use is PortUse.MANAGEMENT]
+    for host, _, router in draft.boxes(model.Router):
+        part = _draft.Part("device", host)
+        used = [index for index, port in enumerate(router.ports) if port.use is model.PortUse.MANAGEMENT]
         if not used:
             message = f"`{host}` has no management port: nobody could reach it when its links fail"
             yield draft.wrong(part, ("ports",), message, "give one port `use: management`")
@@ -60,56 +49,60 @@ def one_for_management(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ports", index, "use"), message, hint)
 
 
-def some_for_the_lan(draft: Draft) -> Iterator[Finding]:
+def some_for_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
     """A LAN needs a port."""
-    for host, _, router in draft.boxes(Router):
-        if not any(port.use is PortUse.LAN for port in router.ports):
+    for host, _, router in draft.boxes(model.Router):
+        if not any(port.use is model.PortUse.LAN for port in router.ports):
             message = f"`{host}` has no LAN port: robots and gateway could not be plugged in"
-            yield draft.wrong(Part("device", host), ("ports",), message, "give one port `use: lan`")
+            yield draft.wrong(_draft.Part("device", host), ("ports",), message, "give one port `use: lan`")
 
 
-def link_and_use(draft: Draft) -> Iterator[Finding]:
+def link_and_use(draft: _draft.Draft) -> Iterator[Finding]:
     """`link` names the link of a `use: link` port, and of no other."""
-    for host, _, router in draft.boxes(Router):
+    for host, _, router in draft.boxes(model.Router):
         for index, port in enumerate(router.ports):
-            if port.use is PortUse.LINK and port.link is None:
+            if port.use is model.PortUse.LINK and port.link is None:
                 message = f"port {port.name} is for a link, but which is not said"
-                yield draft.wrong(Part("device", host), ("ports", index), message, "add `link: <name of the link>`")
-            elif port.use is not PortUse.LINK and port.link is not None:
+                yield draft.wrong(
+                    _draft.Part("device", host), ("ports", index), message, "add `link: <name of the link>`"
+                )
+            elif port.use is not model.PortUse.LINK and port.link is not None:
                 message = f"port {port.name} names link `{port.link}`, but its use is {port.use}"
                 hint = "write `use: link`, or remove `link:`"
-                yield draft.wrong(Part("device", host), ("ports", index, "link"), message, hint)
+                yield draft.wrong(_draft.Part("device", host), ("ports", index, "link"), message, hint)
 
 
-def known_links(draft: Draft) -> Iterator[Finding]:
+def known_links(draft: _draft.Draft) -> Iterator[Finding]:
     """A port names a link of its own site."""
-    for host, name, router in draft.boxes(Router):
+    for host, name, router in draft.boxes(model.Router):
         site = draft.sites.get(name)
         if site is None:
             continue
         for index, port in enumerate(router.ports):
-            if port.link is None or port.use is not PortUse.LINK or port.link in links_of(site):
+            if port.link is None or port.use is not model.PortUse.LINK or port.link in links_of(site):
                 continue
             elsewhere = [other for other, item in draft.sites.items() if port.link in links_of(item)]
             message = f"`{name}` has no link `{port.link}`" + (
                 f": that is one of `{elsewhere[0]}`" if elsewhere else ""
             )
             hint = suggest(port.link, links_of(site), none="")
-            yield draft.wrong(Part("device", host), ("ports", index, "link"), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("ports", index, "link"), message, hint)
 
 
-def one_port_a_link(draft: Draft) -> Iterator[Finding]:
+def one_port_a_link(draft: _draft.Draft) -> Iterator[Finding]:
     """Every link of the site has exactly one port of its router."""
     for name, site in draft.sites.items():
         site_router = draft.router_of(name)
         if site_router is None:
             continue
         host, router = site_router
-        part = Part("device", host)
+        part = _draft.Part("device", host)
         unclear = any(_unclear(port.use, port.link, site) for port in router.ports)
         links = links_of(site)
         for link in (item for item in links if links.count(item) == 1):
-            used = [index for index, port in enumerate(router.ports) if port.use is PortUse.LINK and port.link == link]
+            used = [
+                index for index, port in enumerate(router.ports) if port.use is model.PortUse.LINK and port.link == link
+            ]
             if not used and not unclear:
                 message = f"no port of `{host}` leads to link `{link}` of `{name}`"
                 yield draft.wrong(part, ("ports",), message, f"give one port `use: link, link: {link}`")
@@ -118,11 +111,11 @@ def one_port_a_link(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, ("ports", index, "link"), message, "a link has one port")
 
 
-def one_uplink(draft: Draft) -> Iterator[Finding]:
+def one_uplink(draft: _draft.Draft) -> Iterator[Finding]:
     """A switch has one cable towards the router, by which it is managed."""
-    for host, _, switch in draft.boxes(Switch):
-        part = Part("device", host)
-        used = [index for index, port in enumerate(switch.ports) if port.use is SwitchPortUse.UPLINK]
+    for host, _, switch in draft.boxes(model.Switch):
+        part = _draft.Part("device", host)
+        used = [index for index, port in enumerate(switch.ports) if port.use is model.SwitchPortUse.UPLINK]
         if not used:
             message = f"`{host}` has no port towards the router: nobody could reach it"
             yield draft.wrong(part, ("ports",), message, "give one port `use: uplink`")
@@ -131,25 +124,25 @@ def one_uplink(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ports", index, "use"), message, "keep one: two cables to one LAN make a loop")
 
 
-def isolated_in_the_lan(draft: Draft) -> Iterator[Finding]:
+def isolated_in_the_lan(draft: _draft.Draft) -> Iterator[Finding]:
     """What is isolated is plugged into a port of the LAN."""
-    for host, _, switch in draft.boxes(Switch):
+    for host, _, switch in draft.boxes(model.Switch):
         for index, port in enumerate(switch.ports):
-            if port.isolated and port.use is not SwitchPortUse.LAN:
+            if port.isolated and port.use is not model.SwitchPortUse.LAN:
                 message = f"port {port.name} is isolated, but its use is {port.use}"
                 yield draft.wrong(
-                    Part("device", host), ("ports", index, "isolated"), message, "write `use: lan`, or remove it"
+                    _draft.Part("device", host), ("ports", index, "isolated"), message, "write `use: lan`, or remove it"
                 )
 
 
-def _unclear(use: PortUse, link: str | None, site: Site) -> bool:
+def _unclear(use: model.PortUse, link: str | None, site: model.Site) -> bool:
     """A port that is told elsewhere: it may be the one that is missing here."""
-    if use is PortUse.LINK:
+    if use is model.PortUse.LINK:
         return link not in links_of(site)
     return link is not None
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     names,
     one_for_management,
     some_for_the_lan,
@@ -161,21 +154,21 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-def _fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
+def _fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
     """Every device that says who feeds it."""
     for host, device in draft.devices.items():
         if device.powered_by is not None:
             yield host, device.powered_by
 
 
-def _rightly_fed(draft: Draft) -> Iterator[tuple[str, PowerSource]]:
+def _rightly_fed(draft: _draft.Draft) -> Iterator[tuple[str, model.PowerSource]]:
     """Those that name the router or a switch of their own site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
             yield host, source
 
 
-def source_known(draft: Draft) -> Iterator[Finding]:
+def source_known(draft: _draft.Draft) -> Iterator[Finding]:
     """The source is the router or a switch of the same site."""
     for host, source in _fed(draft):
         if _wrong_source(draft, host, source.device, []) is None:
@@ -187,14 +180,14 @@ def source_known(draft: Draft) -> Iterator[Finding]:
             if place == site and name != host and _can_feed(draft, name)
         ]
         if problem := _wrong_source(draft, host, source.device, able):
-            yield draft.wrong(Part("device", host), ("powered_by", "device"), *problem)
+            yield draft.wrong(_draft.Part("device", host), ("powered_by", "device"), *problem)
 
 
-def _can_feed(draft: Draft, host: str) -> bool:
+def _can_feed(draft: _draft.Draft, host: str) -> bool:
     return draft.kind_of(host) in {"router", "switch"}
 
 
-def _wrong_source(draft: Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
+def _wrong_source(draft: _draft.Draft, host: str, source: str, able: list[str]) -> tuple[str, str] | None:
     hint = f"name the router of the site: {', '.join(able)}" if able else "remove `powered_by:`"
     if source not in draft.layout.hosts:
         return f"there is no host `{source}`", suggest(source, able, none=hint)
@@ -207,78 +200,80 @@ def _wrong_source(draft: Draft, host: str, source: str, able: list[str]) -> tupl
     return None
 
 
-def port_feeds(draft: Draft) -> Iterator[Finding]:
+def port_feeds(draft: _draft.Draft) -> Iterator[Finding]:
     """The port exists, can feed, is switched on, and is the port that the device's link is on."""
     fed = Counter((source.device, source.port) for _, source in _fed(draft))
     for host, source in _rightly_fed(draft):
         router = draft.devices.get(source.device)
         is_shared = fed[source.device, source.port] > 1
-        if isinstance(router, Router | Switch) and (
+        if isinstance(router, model.Router | model.Switch) and (
             problem := _wrong_port(draft, host, source, router, is_shared=is_shared)
         ):
-            yield draft.wrong(Part("device", host), ("powered_by", "port"), *problem)
+            yield draft.wrong(_draft.Part("device", host), ("powered_by", "port"), *problem)
 
 
 def _wrong_port(
-    draft: Draft, host: str, source: PowerSource, router: Router | Switch, *, is_shared: bool
+    draft: _draft.Draft, host: str, source: model.PowerSource, router: model.Router | model.Switch, *, is_shared: bool
 ) -> tuple[str, str] | None:
-    ports: tuple[Port | SwitchPort, ...] = router.ports
+    ports: tuple[model.Port | model.SwitchPort, ...] = router.ports
     port = next((port for port in ports if port.name == source.port), None)
-    feeding = ", ".join(item.name for item in ports if item.poe is not None and item.poe.out is not PoeMode.OFF)
+    feeding = ", ".join(item.name for item in ports if item.poe is not None and item.poe.out is not model.PoeMode.OFF)
     hint = f"ports of `{source.device}` that feed: {feeding or 'none'}"
     if port is None:
         return f"`{source.device}` has no port {source.port}", hint
     if port.poe is None:
         return f"port {port.name} of `{source.device}` cannot feed power: it has no `poe`", hint
-    if port.poe.out is PoeMode.OFF:
+    if port.poe.out is model.PoeMode.OFF:
         return f"port {port.name} of `{source.device}` has its power switched off", hint
     if is_shared:
         return None  # two devices on one port: that is told, and which of them is right is not known
     return _other_cable(draft, host, source, router)
 
 
-def _other_cable(draft: Draft, host: str, source: PowerSource, router: Router | Switch) -> tuple[str, str] | None:
+def _other_cable(
+    draft: _draft.Draft, host: str, source: model.PowerSource, router: model.Router | model.Switch
+) -> tuple[str, str] | None:
     """Power and data use one cable: who carries a link hangs on the router's port of that link."""
     link = _link_of(draft, host)
     if link is None:
         return None
-    if isinstance(router, Switch):
+    if isinstance(router, model.Switch):
         message = f"`{host}` carries link `{link}`, but port {source.port} of `{source.device}` is in the LAN"
         return message, "power and data use one cable, and that of a link leads to the router"
     port = next(port for port in router.ports if port.name == source.port)
-    if port.use is PortUse.LINK and port.link in _links_at(draft, host) - {link}:
+    if port.use is model.PortUse.LINK and port.link in _links_at(draft, host) - {link}:
         message = f"`{host}` carries link `{link}`, but port {port.name} leads to link `{port.link}`"
         return message, "power and data use one cable: " + _cable(router.ports, link)
     return None
 
 
-def _cable(ports: tuple[Port, ...], link: str) -> str:
+def _cable(ports: tuple[model.Port, ...], link: str) -> str:
     right = next((port.name for port in ports if port.link == link), None)
     return f"port: {right}" if right is not None else "name the port of its link"
 
 
-def _links(draft: Draft, host: str) -> tuple[Bearer | ServedLink, ...]:
+def _links(draft: _draft.Draft, host: str) -> tuple[model.Bearer | model.ServedLink, ...]:
     site = draft.sites.get(draft.layout.hosts[host])
     return (*site.bearers, *site.served_links) if site is not None else ()
 
 
-def _links_at(draft: Draft, host: str) -> set[str | None]:
+def _links_at(draft: _draft.Draft, host: str) -> set[str | None]:
     return {link.name for link in _links(draft, host)}
 
 
-def _link_of(draft: Draft, host: str) -> str | None:
+def _link_of(draft: _draft.Draft, host: str) -> str | None:
     return next((link.name for link in _links(draft, host) if link.device == host), None)
 
 
-def one_device_a_port(draft: Draft) -> Iterator[Finding]:
+def one_device_a_port(draft: _draft.Draft) -> Iterator[Finding]:
     """A port feeds one device."""
     first_hosts: dict[tuple[str, str], str] = {}
     for host, source in _rightly_fed(draft):
         first = first_hosts.setdefault((source.device, source.port), host)
         if first != host:
-            where = draft.where(Part("device", first), "powered_by", "port")
+            where = draft.where(_draft.Part("device", first), "powered_by", "port")
             message = f"port {source.port} of `{source.device}` already feeds `{first}` ({where})"
-            yield draft.wrong(Part("device", host), ("powered_by", "port"), message, "a port feeds one device")
+            yield draft.wrong(_draft.Part("device", host), ("powered_by", "port"), message, "a port feeds one device")
 
 
-POWER_RULES: tuple[Rule, ...] = (source_known, port_feeds, one_device_a_port)
+POWER_RULES: tuple[_draft.Rule, ...] = (source_known, port_feeds, one_device_a_port)

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, findings
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import KEY_OCTETS, Transport
 from atlantis_netcfg.inventory.rules.networks import claims
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 
 
-def reflector(draft: Draft) -> Iterator[Finding]:
+def reflector(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The far end is a control centre: only that one is reached from outside over every link."""
     if draft.pilot is None or draft.pilot.qualify is None:
         return
@@ -25,14 +24,14 @@ def reflector(draft: Draft) -> Iterator[Finding]:
     kind = draft.kind_of(host)
     path = ("qualify", "reflector")
     if host not in draft.layout.hosts:
-        hint = suggest(host, centres, none="add a host of group control_centres")
+        hint = findings.suggest(host, centres, none="add a host of group control_centres")
         yield draft.wrong(_PILOT, path, f"there is no host `{host}`", hint)
     elif kind not in {None, "control_centre"}:
-        hint = f"name a control_centre: {choices(centres) or 'there is none'}"
+        hint = f"name a control_centre: {findings.choices(centres) or 'there is none'}"
         yield draft.wrong(_PILOT, path, f"`{host}` is a {kind}", hint)
 
 
-def port_is_free(draft: Draft) -> Iterator[Finding]:
+def port_is_free(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The router of its site forwards the port by itself: a row of `forwards` would lead it to two hosts, or twice."""
     if draft.pilot is None or draft.pilot.qualify is None:
         return
@@ -43,13 +42,13 @@ def port_is_free(draft: Draft) -> Iterator[Finding]:
     host, router = site_router
     for index, forward in enumerate(router.forwards):
         if (forward.transport, forward.port) == (Transport.UDP, qualify.port):
-            where = draft.where(Part("device", host), "forwards", index, "port")
+            where = draft.where(_draft.Part("device", host), "forwards", index, "port")
             message = f"udp port {qualify.port} is already forwarded to `{forward.to}` ({where})"
             hint = f"choose another `port:`, or remove that row: `{host}` forwards this port by itself"
             yield draft.wrong(_PILOT, ("qualify", "port"), message, hint)
 
 
-def key_is_long(draft: Draft) -> Iterator[Finding]:
+def key_is_long(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Whoever guesses the key may use the far end."""
     if draft.pilot is None or draft.pilot.qualify is None or isinstance(draft.pilot.qualify.key, SealedSecret):
         return
@@ -59,7 +58,7 @@ def key_is_long(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(_PILOT, ("qualify", "key"), message, "`openssl rand -base64 24` makes one")
 
 
-def address_outside(draft: Draft) -> Iterator[Finding]:
+def address_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The far end is reached by a public address, so that each link can be measured without the VPN."""
     if draft.pilot is None or draft.pilot.qualify is None or draft.pilot.qualify.address is None:
         return
@@ -72,4 +71,4 @@ def address_outside(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, ("qualify", "address"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (reflector, port_is_free, key_is_long, address_outside)
+RULES: tuple[_draft.Rule, ...] = (reflector, port_is_free, key_is_long, address_outside)

@@ -5,21 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory import channels
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, channels, findings, model
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, suggest
-from atlantis_netcfg.inventory.model import (
-    Cpe,
-    Gateway,
-    Ptp,
-    PtpMode,
-    PtpProtocol,
-    RadioMenus,
-    Router,
-    Switch,
-    WifiRadio,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -33,21 +20,21 @@ _KEY_CHARACTERS = range(8, 64)
 """Of a WPA2 passphrase (IEEE 802.11, annex M.4); RouterOS takes the same for nv2."""
 
 
-def _radios(draft: Draft) -> Iterator[tuple[str, Part, Ptp]]:
-    for host, _, cpe in draft.boxes(Cpe):
-        yield host, Part("device", host), cpe.ptp
+def _radios(draft: _draft.Draft) -> Iterator[tuple[str, _draft.Part, model.Ptp]]:
+    for host, _, cpe in draft.boxes(model.Cpe):
+        yield host, _draft.Part("device", host), cpe.ptp
 
 
-def _transmitters(draft: Draft) -> Iterator[tuple[Part, str, WifiRadio]]:
+def _transmitters(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, str, model.WifiRadio]]:
     """Every radio that the law and the cards bind alike, with the block in which it is declared."""
     for _, part, ptp in _radios(draft):
         yield part, "ptp", ptp
     for host, device in draft.devices.items():
-        if isinstance(device, Router | Switch | Gateway) and device.access_point is not None:
-            yield Part("device", host), "access_point", device.access_point
+        if isinstance(device, model.Router | model.Switch | model.Gateway) and device.access_point is not None:
+            yield _draft.Part("device", host), "access_point", device.access_point
 
 
-def standard_and_band(draft: Draft) -> Iterator[Finding]:
+def standard_and_band(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The standard exists in the band."""
     for part, block, radio in _transmitters(draft):
         bands = channels.BANDS[radio.standard]
@@ -58,7 +45,7 @@ def standard_and_band(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (block, "standard"), message, hint)
 
 
-def width(draft: Draft) -> Iterator[Finding]:
+def width(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The standard and the band know the width."""
     for part, block, radio in _transmitters(draft):
         widths = [item for item in channels.WIDTHS[radio.standard] if item <= _WIDEST[radio.band]]
@@ -67,29 +54,29 @@ def width(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (block, "width_mhz"), message, f"choose {' or '.join(map(str, widths))}")
 
 
-def protocol_and_standard(draft: Draft) -> Iterator[Finding]:
+def protocol_and_standard(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """nv2 and nstreme exist in the package `wireless` only, which no 802.11ax device runs (MikroTik manual, WiFi)."""
     for _, part, ptp in _radios(draft):
-        if ptp.standard == "802.11ax" and ptp.protocol is not PtpProtocol.IEEE_80211:
+        if ptp.standard == "802.11ax" and ptp.protocol is not model.PtpProtocol.IEEE_80211:
             message = f"a device of 802.11ax does not speak {ptp.protocol}"
             yield draft.wrong(part, ("ptp", "protocol"), message, 'write "802.11", or choose an older standard')
 
 
-def protocol_that_is_set_up(draft: Draft) -> Iterator[Finding]:
+def protocol_that_is_set_up(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The protocol nstreme needs settings of its own, and nv2 does better what it is for (MikroTik manual, Nv2)."""
     for _, part, ptp in _radios(draft):
-        if ptp.protocol is PtpProtocol.NSTREME:
+        if ptp.protocol is model.PtpProtocol.NSTREME:
             message = "nstreme is not set up by this toolkit"
             yield draft.wrong(part, ("ptp", "protocol"), message, 'write nv2, or "802.11"')
 
 
-def menus(draft: Draft) -> Iterator[Finding]:
+def menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """What is declared exists in the declared family of menus."""
     for _, part, ptp in _radios(draft):
-        if ptp.menus is RadioMenus.WIFI and ptp.protocol is PtpProtocol.NV2:
+        if ptp.menus is model.RadioMenus.WIFI and ptp.protocol is model.PtpProtocol.NV2:
             message = "the `wifi` menus do not speak nv2"
             hint = 'write `menus: wireless`, or `protocol: "802.11"` at both ends'
-        elif ptp.menus is RadioMenus.WIRELESS and ptp.standard == "802.11ax":
+        elif ptp.menus is model.RadioMenus.WIRELESS and ptp.standard == "802.11ax":
             message = "the `wireless` menus do not know 802.11ax"
             hint = "write `menus: wifi` or `menus: auto`, or choose an older standard"
         else:
@@ -97,11 +84,11 @@ def menus(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(part, ("ptp", "menus"), message, hint)
 
 
-def menus_of_an_access_point(draft: Draft) -> Iterator[Finding]:
+def menus_of_an_access_point(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The older menus know neither 802.11ax nor WPA3."""
     for host, device in draft.devices.items():
-        radio = device.access_point if isinstance(device, Router | Switch) else None
-        part = Part("device", host)
+        radio = device.access_point if isinstance(device, model.Router | model.Switch) else None
+        part = _draft.Part("device", host)
         if radio is None or radio.menus != "wireless":
             continue
         for name, value in (("standard", "802.11ax"), ("wpa", "wpa3")):
@@ -110,42 +97,42 @@ def menus_of_an_access_point(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, ("access_point", name), f"the `wireless` menus do not know {value}", hint)
 
 
-def same_menus(draft: Draft) -> Iterator[Finding]:
+def same_menus(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A bridge needs the same driver at both ends (MikroTik manual, WiFi: station-bridge); told at the second."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
-        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
             continue
-        if {ptp.menus, other.ptp.menus} == {RadioMenus.WIRELESS, RadioMenus.WIFI}:
-            where = draft.where(Part("device", ptp.peer), "ptp", "menus")
+        if {ptp.menus, other.ptp.menus} == {model.RadioMenus.WIRELESS, model.RadioMenus.WIFI}:
+            where = draft.where(_draft.Part("device", ptp.peer), "ptp", "menus")
             message = f"`menus` is {ptp.menus} here and {other.ptp.menus} at the other end ({where})"
             hint = "a bridge needs the same driver at both ends: take two devices of one family"
             yield draft.wrong(part, ("ptp", "menus"), message, hint)
 
 
-def wpa(draft: Draft) -> Iterator[Finding]:
+def wpa(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """WPA3 is for 802.11 in the `wifi` menus; nv2 has a key of its own."""
     for _, part, ptp in _radios(draft):
         if ptp.wpa != "wpa3":
             continue
-        if ptp.menus is RadioMenus.WIRELESS:
+        if ptp.menus is model.RadioMenus.WIRELESS:
             yield draft.wrong(part, ("ptp", "wpa"), "the `wireless` menus do not know wpa3", "write `wpa: wpa2`")
-        elif ptp.protocol is PtpProtocol.NV2:
+        elif ptp.protocol is model.PtpProtocol.NV2:
             message = "nv2 has a key of its own, and no wpa3"
             yield draft.wrong(part, ("ptp", "wpa"), message, 'leave `wpa` out, or write `protocol: "802.11"`')
 
 
-def _channel(radio: WifiRadio) -> tuple[str, str, int, int]:
+def _channel(radio: model.WifiRadio) -> tuple[str, str, int, int]:
     return radio.country, radio.band, radio.frequency_mhz, radio.width_mhz
 
 
-def channel(draft: Draft) -> Iterator[Finding]:
+def channel(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The channel exists in the band and is legal in the radio's country."""
     for part, block, radio in _transmitters(draft):
         legal_channels = channels.legal(radio.country, radio.band, radio.width_mhz, outdoors=radio.outdoor)
         where = "outdoors" if radio.outdoor else "indoors"
         hint = (
-            f"channels {where} in {radio.country}: {choices(map(str, legal_channels))}"
+            f"channels {where} in {radio.country}: {findings.choices(map(str, legal_channels))}"
             if legal_channels
             else "choose a smaller width"
         )
@@ -161,18 +148,18 @@ def channel(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (block, "frequency_mhz"), f"{message}: {why}", hint)
 
 
-def country(draft: Draft) -> Iterator[Finding]:
+def country(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A radio obeys the law of the pilot's country."""
     if draft.pilot is None:
         return
     for part, block, radio in _transmitters(draft):
         if radio.country != draft.pilot.country:
-            where = draft.where(Part("pilot"), "country")
+            where = draft.where(_draft.Part("pilot"), "country")
             message = f"the radio's country is {radio.country}, the pilot's is {draft.pilot.country} ({where})"
             yield draft.wrong(part, (block, "country"), message, "make both the same")
 
 
-def key(draft: Draft) -> Iterator[Finding]:
+def key(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The key is one that both ends accept; a vaulted key that is still sealed cannot be looked at."""
     for part, block, radio in _transmitters(draft):
         if not is_passphrase(radio.key):
@@ -190,21 +177,24 @@ def is_passphrase(key: Secret) -> bool:
     return len(text) in _KEY_CHARACTERS and text.isascii() and text.isprintable()
 
 
-def peers(draft: Draft) -> Iterator[Finding]:
+def peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Each end names the other."""
     others = [host for host in draft.layout.hosts if draft.kind_of(host) == "cpe"]
     for host, part, ptp in _radios(draft):
         other_ends = [name for name in others if name != host]
         peer = draft.devices.get(ptp.peer)
         if ptp.peer not in draft.layout.hosts:
-            problem = (f"there is no host `{ptp.peer}`", suggest(ptp.peer, other_ends, none="add it to hosts.yml"))
+            problem = (
+                f"there is no host `{ptp.peer}`",
+                findings.suggest(ptp.peer, other_ends, none="add it to hosts.yml"),
+            )
         elif ptp.peer == host:
-            problem = (f"`{host}` is its own peer", f"name the other end: {choices(other_ends)}")
+            problem = (f"`{host}` is its own peer", f"name the other end: {findings.choices(other_ends)}")
         elif draft.kind_of(ptp.peer) not in {"cpe", None}:
             message = f"`{ptp.peer}` is a {draft.kind_of(ptp.peer)}, not the other end of the bridge"
-            problem = (message, f"name the other end: {choices(other_ends)}")
-        elif isinstance(peer, Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
-            where = draft.where(Part("device", ptp.peer), "ptp", "peer")
+            problem = (message, f"name the other end: {findings.choices(other_ends)}")
+        elif isinstance(peer, model.Cpe) and peer.ptp.peer not in {host, ptp.peer} and peer.ptp.peer in others:
+            where = draft.where(_draft.Part("device", ptp.peer), "ptp", "peer")
             problem = (
                 f"the peer `{ptp.peer}` has another peer, `{peer.ptp.peer}` ({where})",
                 "let each name the other",
@@ -214,13 +204,13 @@ def peers(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(part, ("ptp", "peer"), *problem)
 
 
-def agree(draft: Draft) -> Iterator[Finding]:
+def agree(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Two ends that differ do not see each other; told at the second of them."""
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
-        if not isinstance(other, Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
+        if not isinstance(other, model.Cpe) or other.ptp.peer != host or not _second(draft, host, ptp.peer):
             continue
-        first = Part("device", ptp.peer)
+        first = _draft.Part("device", ptp.peer)
         shared_keys = (
             _SHARED_KEYS if draft.pilot is None else [item for item in _SHARED_KEYS if item != "country"]
         )  # else told by `country`
@@ -236,11 +226,11 @@ def agree(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ptp", "key"), message, "make both ends the same")
         if ptp.mode is other.ptp.mode:
             both = f"both ends are {ptp.mode} ({draft.where(first, 'ptp', 'mode')})"
-            opposite = next(mode for mode in PtpMode if mode is not ptp.mode)
+            opposite = next(mode for mode in model.PtpMode if mode is not ptp.mode)
             yield draft.wrong(part, ("ptp", "mode"), both, f"write `mode: {opposite}` at one of them")
 
 
-def _second(draft: Draft, host: str, peer: str) -> bool:
+def _second(draft: _draft.Draft, host: str, peer: str) -> bool:
     order = list(draft.layout.hosts)
     return order.index(host) > order.index(peer)
 
@@ -249,7 +239,7 @@ def _word(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
 
 
-def bridged_peers(draft: Draft) -> Iterator[Finding]:
+def bridged_peers(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The radios of a bridge are those of the link's two ends."""
     for name, site in draft.sites.items():
         for index, link in enumerate(site.served_links):
@@ -258,17 +248,19 @@ def bridged_peers(draft: Draft) -> Iterator[Finding]:
             carried_boxes = (
                 {bearer.device for bearer in far.bearers if bearer.kind.traits.bridge} if far is not None else set()
             )
-            peer = here.ptp.peer if isinstance(here, Cpe) else None
+            peer = here.ptp.peer if isinstance(here, model.Cpe) else None
             is_known_peer = peer is not None and draft.kind_of(peer) == "cpe" and peer != link.device
             if is_known_peer and carried_boxes and None not in carried_boxes and peer not in carried_boxes:
                 message = (
                     f"`{link.device}` points at `{peer}`, which is not the radio of the bridge at `{link.carries}`"
                 )
-                hint = f"its peer is {choices(str(item) for item in carried_boxes)}: correct `peer` or `carries`"
-                yield draft.wrong(Part("site", name), ("served_links", index, "device"), message, hint)
+                hint = (
+                    f"its peer is {findings.choices(str(item) for item in carried_boxes)}: correct `peer` or `carries`"
+                )
+                yield draft.wrong(_draft.Part("site", name), ("served_links", index, "device"), message, hint)
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     standard_and_band,
     width,
     protocol_and_standard,
@@ -291,11 +283,11 @@ _AIM_DBM = -50
 """In the middle of what is healthy, for the power that a hint names."""
 
 
-def _lost_db(ptp: Ptp, distance_m: int) -> float:
+def _lost_db(ptp: model.Ptp, distance_m: int) -> float:
     return 20 * math.log10(4 * math.pi * distance_m * ptp.frequency_mhz * 1e6 / _LIGHT_M_S)
 
 
-def bounds(draft: Draft) -> Iterator[Finding]:
+def bounds(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The weakest level is below the strongest."""
     for _, part, ptp in _radios(draft):
         if ptp.signal.weakest_dbm >= ptp.signal.strongest_dbm:
@@ -304,7 +296,7 @@ def bounds(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ptp", "signal"), message, "exchange them: -75 dBm is weaker than -35 dBm")
 
 
-def eirp(draft: Draft) -> Iterator[Finding]:
+def eirp(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """What is radiated (EIRP: power and antenna gain together) is within the country's limit for the channel."""
     for part, block, radio in _transmitters(draft):
         if radio.tx_power_dbm is None or radio.antenna_gain_dbi is None:
@@ -321,7 +313,7 @@ def eirp(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (block, "tx_power_dbm"), message, hint)
 
 
-def short_link(draft: Draft) -> Iterator[Finding]:
+def short_link(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """On a short link the power is declared: left to the country's limit it overdrives the other receiver."""
     for _, part, ptp in _radios(draft):
         if ptp.distance_m is None or ptp.distance_m >= _SHORT_M or ptp.tx_power_dbm is not None:
@@ -330,7 +322,7 @@ def short_link(draft: Draft) -> Iterator[Finding]:
         yield draft.wrong(part, ("ptp", "distance_m"), message, _power(ptp, ptp.distance_m))
 
 
-def _power(ptp: Ptp, distance_m: int) -> str:
+def _power(ptp: model.Ptp, distance_m: int) -> str:
     """Name the power that would be heard well, should both ends have this antenna, as far as the law allows it."""
     gain = ptp.antenna_gain_dbi
     if gain is None:
@@ -344,7 +336,7 @@ def _power(ptp: Ptp, distance_m: int) -> str:
     return f"write `tx_power_dbm: {power}`, which the other end hears at about {power + between:.0f} dBm in free space"
 
 
-def level(draft: Draft) -> Iterator[Finding]:
+def level(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """In free space the other end hears a level within the bounds that it declares.
 
     A real link is some decibels weaker: 20 log10(4 pi d / wavelength) is lost between the antennas (ITU-R P.525).
@@ -353,7 +345,7 @@ def level(draft: Draft) -> Iterator[Finding]:
     for host, part, ptp in _radios(draft):
         other = draft.devices.get(ptp.peer)
         distance_m = ptp.distance_m
-        if not isinstance(other, Cpe) or other.ptp.peer != host or distance_m is None:
+        if not isinstance(other, model.Cpe) or other.ptp.peer != host or distance_m is None:
             continue
         gains = (ptp.antenna_gain_dbi, other.ptp.antenna_gain_dbi)
         if ptp.tx_power_dbm is None or gains[0] is None or gains[1] is None:
@@ -368,9 +360,9 @@ def level(draft: Draft) -> Iterator[Finding]:
             what, bound = "below the weakest level", signal.weakest_dbm
         else:
             continue
-        where = draft.where(Part("device", ptp.peer), "ptp", "signal")
+        where = draft.where(_draft.Part("device", ptp.peer), "ptp", "signal")
         message = f"`{ptp.peer}` would hear {received_dbm:.0f} dBm over {distance_m} m, {what} that it declares"
         yield draft.wrong(part, ("ptp", "tx_power_dbm"), f"{message}, {bound} dBm ({where})", _power(ptp, distance_m))
 
 
-EIRP_RULES: tuple[Rule, ...] = (bounds, eirp, short_link, level)
+EIRP_RULES: tuple[_draft.Rule, ...] = (bounds, eirp, short_link, level)

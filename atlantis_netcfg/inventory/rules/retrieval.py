@@ -4,31 +4,30 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import COLLECTION_FOLDER, ControlCentre, Gateway, ServerComputer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 _HARDWARE = "sk-"
 """Kinds of keys whose private half is not on the computer."""
 
 
-def ends_known(draft: Draft) -> Iterator[Finding]:
+def ends_known(draft: _draft.Draft) -> Iterator[Finding]:
     """From gateways, to a control centre."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     if retrieval is None:
         return
-    yield from _end(draft, ("to",), retrieval.to, ControlCentre, "control centre")
+    yield from _end(draft, ("to",), retrieval.to, model.ControlCentre, "control centre")
     for index, source in enumerate(retrieval.sources):
-        yield from _end(draft, ("sources", index, "host"), source.host, Gateway, "gateway")
+        yield from _end(draft, ("sources", index, "host"), source.host, model.Gateway, "gateway")
     for index, robot in enumerate(retrieval.robots):
-        yield from _end(draft, ("robots", index, "host"), robot.host, Gateway, "gateway")
+        yield from _end(draft, ("robots", index, "host"), robot.host, model.Gateway, "gateway")
 
 
-def robots_known(draft: Draft) -> Iterator[Finding]:
+def robots_known(draft: _draft.Draft) -> Iterator[Finding]:
     """A robot is a declared vehicle, has one gateway, and a folder with its name that is no computer's."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     names = [] if retrieval is None else [robot.robot for robot in retrieval.robots]
@@ -46,7 +45,7 @@ def robots_known(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, path, message, "give the vehicle another key")
 
 
-def robots_near(draft: Draft) -> Iterator[Finding]:
+def robots_near(draft: _draft.Draft) -> Iterator[Finding]:
     """What a gateway collects is not paid for, nor counted: the robot is in its LAN, or its radio in the robot's."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     for index, robot in enumerate(retrieval.robots if retrieval is not None else ()):
@@ -69,7 +68,7 @@ def robots_near(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(_PILOT, (*path, "address"), message, hint)
 
 
-def robots_apart(draft: Draft) -> Iterator[Finding]:
+def robots_apart(draft: _draft.Draft) -> Iterator[Finding]:
     """Where a gateway keeps what it has collected, nothing else is laid down, and nobody removes a file."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     gateways = {robot.host for robot in retrieval.robots} if retrieval is not None else set()
@@ -78,17 +77,19 @@ def robots_apart(draft: Draft) -> Iterator[Finding]:
             path = ("retrieval", "sources", index, "folder")
             message = f"{source.folder} is where `{source.host}` keeps what it collects from robots"
             yield draft.wrong(_PILOT, path, message, "choose another folder: it is sent by the robot's own name")
-    for host, _, device in draft.boxes(Gateway):
+    for host, _, device in draft.boxes(model.Gateway):
         if host in gateways and device.recording is not None and _touches(device.recording.folder):
             message = f"{device.recording.folder} is where `{host}` keeps what it collects from robots"
-            yield draft.wrong(Part("device", host), ("recording",), message, "choose another folder")
+            yield draft.wrong(_draft.Part("device", host), ("recording",), message, "choose another folder")
 
 
 def _touches(folder: str) -> bool:
-    return f"{folder}/".startswith(f"{COLLECTION_FOLDER}/") or f"{COLLECTION_FOLDER}/".startswith(f"{folder}/")
+    return f"{folder}/".startswith(f"{model.COLLECTION_FOLDER}/") or f"{model.COLLECTION_FOLDER}/".startswith(
+        f"{folder}/"
+    )
 
 
-def sources_once(draft: Draft) -> Iterator[Finding]:
+def sources_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A gateway has one folder of its own at the control centre."""
     retrieval = draft.pilot.retrieval if draft.pilot is not None else None
     names = [] if retrieval is None else [source.host for source in retrieval.sources]
@@ -99,7 +100,7 @@ def sources_once(draft: Draft) -> Iterator[Finding]:
 
 
 def _end(
-    draft: Draft, path: tuple[str | int, ...], name: str, kind: type[ServerComputer], words: str
+    draft: _draft.Draft, path: tuple[str | int, ...], name: str, kind: type[model.ServerComputer], words: str
 ) -> Iterator[Finding]:
     where = ("retrieval", *path)
     if name not in draft.layout.hosts:
@@ -123,4 +124,4 @@ def _end(
         yield draft.wrong(_PILOT, where, message, hint)
 
 
-RULES: tuple[Rule, ...] = (ends_known, sources_once, robots_known, robots_near, robots_apart)
+RULES: tuple[_draft.Rule, ...] = (ends_known, sources_once, robots_known, robots_near, robots_apart)

@@ -9,22 +9,7 @@ from ipaddress import IPv4Address
 from math import ceil
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.model import (
-    LONGEST_PAUSE_S,
-    AllowedTarget,
-    Bearer,
-    LteRouter,
-    SatelliteTerminal,
-    Transport,
-)
-from atlantis_netcfg.inventory.satellite_allow_list import (
-    FAR_END_TARGET,
-    VPN_TARGET,
-    admits,
-    allowed_targets,
-    derive_targets,
-)
+from atlantis_netcfg.inventory import _draft, model, satellite_allow_list
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +20,7 @@ FACTORY_ADDRESS = IPv4Address("192.168.1.1")
 """Of the satellite terminal as technicians report it, and of Teltonika's 4G routers (facts/devices.md, section 3)."""
 
 
-def only_on_satellites(draft: Draft) -> Iterator[Finding]:
+def only_on_satellites(draft: _draft.Draft) -> Iterator[Finding]:
     """`allow` and `refused_probes` mean something on a satellite only."""
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
@@ -44,73 +29,80 @@ def only_on_satellites(draft: Draft) -> Iterator[Finding]:
             for key, what in (("allow", "an allow-list is"), ("refused_probes", "targets to be refused are")):
                 if getattr(bearer, key):
                     message = f"link `{bearer.name}` is {bearer.kind}: {what} for satellites only"
-                    yield draft.wrong(Part("site", name), ("bearers", index, key), message, f"remove `{key}:`")
+                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, key), message, f"remove `{key}:`")
 
 
-def additions_only(draft: Draft) -> Iterator[Finding]:
+def additions_only(draft: _draft.Draft) -> Iterator[Finding]:
     """What is derived is not declared a second time: two places for one fact drift apart."""
     if draft.pilot is None:
         return
-    derived_targets = derive_targets(draft.pilot)
+    derived_targets = satellite_allow_list.derive_targets(draft.pilot)
     for name, index, bearer in _satellites(draft):
         for place, target in enumerate(bearer.allow):
             same = next(
                 (allowed_target for allowed_target in derived_targets if _key(allowed_target) == _key(target)), None
             )
             if same is not None:
-                target_names = {VPN_TARGET: "the VPN", FAR_END_TARGET: f"the {FAR_END_TARGET}"}
+                target_names = {
+                    satellite_allow_list.VPN_TARGET: "the VPN",
+                    satellite_allow_list.FAR_END_TARGET: f"the {satellite_allow_list.FAR_END_TARGET}",
+                }
                 what = target_names.get(same.name, f"the time server {same.name}")
                 message = f"`{bearer.name}` admits {what} by itself: {_spelt(target)} needs no entry"
                 hint = "remove it; `allow:` holds only what comes on top of the VPN and the time servers"
-                yield draft.wrong(Part("site", name), ("bearers", index, "allow", place), message, hint)
+                yield draft.wrong(_draft.Part("site", name), ("bearers", index, "allow", place), message, hint)
 
 
-def each_once(draft: Draft) -> Iterator[Finding]:
+def each_once(draft: _draft.Draft) -> Iterator[Finding]:
     """No destination stands twice."""
     for name, index, bearer in _satellites(draft):
         for key in ("allow", "refused_probes"):
-            seen_targets: set[tuple[IPv4Address, int | None, Transport]] = set()
+            seen_targets: set[tuple[IPv4Address, int | None, model.Transport]] = set()
             for place, target in enumerate(getattr(bearer, key)):
                 if _key(target) in seen_targets:
                     verb = "admits" if key == "allow" else "probes"
                     message = f"`{bearer.name}` {verb} {target.address} twice in the same way"
-                    yield draft.wrong(Part("site", name), ("bearers", index, key, place), message, "remove one")
+                    yield draft.wrong(_draft.Part("site", name), ("bearers", index, key, place), message, "remove one")
                 seen_targets.add(_key(target))
 
 
-def refused_means_refused(draft: Draft) -> Iterator[Finding]:
+def refused_means_refused(draft: _draft.Draft) -> Iterator[Finding]:
     """A target that proves the filter lies outside the allow-list, and beyond the link."""
     if draft.pilot is None:
         return
     for name, index, bearer in _satellites(draft):
         for place, target in enumerate(bearer.refused_probes):
             path = ("bearers", index, "refused_probes", place)
-            if admits(allowed_targets(draft.pilot, bearer), target.address, target.port, target.transport):
+            if satellite_allow_list.admits(
+                satellite_allow_list.allowed_targets(draft.pilot, bearer), target.address, target.port, target.transport
+            ):
                 message = f"`{bearer.name}` admits {_spelt(target)}, so it cannot prove that anything is refused"
                 hint = "name an address or a port of yours that is not on the allow-list"
-                yield draft.wrong(Part("site", name), path, message, hint)
+                yield draft.wrong(_draft.Part("site", name), path, message, hint)
             elif target.address in bearer.network:
                 message = f"{target.address} is in {bearer.network}, on this side of the satellite"
-                yield draft.wrong(Part("site", name), path, message, "name an address of yours on the other side")
+                yield draft.wrong(
+                    _draft.Part("site", name), path, message, "name an address of yours on the other side"
+                )
 
 
-def one_factory_address(draft: Draft) -> Iterator[Finding]:
+def one_factory_address(draft: _draft.Draft) -> Iterator[Finding]:
     """Terminal and 4G unit come with the same address: at one site only one of them may keep it."""
-    for host, site, terminal in draft.boxes(SatelliteTerminal):
+    for host, site, terminal in draft.boxes(model.SatelliteTerminal):
         if terminal.address != FACTORY_ADDRESS:
             continue
-        for other, place, unit in draft.boxes(LteRouter):
+        for other, place, unit in draft.boxes(model.LteRouter):
             if place == site and unit.address == FACTORY_ADDRESS:
-                where = draft.where(Part("device", other), "address")
+                where = draft.where(_draft.Part("device", other), "address")
                 message = f"`{host}` and `{other}` ({where}) are both at {FACTORY_ADDRESS}, as both makes come"
                 hint = "give one of them another network on its own pages, then declare that here and in `bearers:`"
-                yield draft.wrong(Part("device", host), ("address",), message, hint)
+                yield draft.wrong(_draft.Part("device", host), ("address",), message, hint)
 
 
-def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
+def evidence_is_whole(draft: _draft.Draft) -> Iterator[Finding]:
     """A backup is a file's name and its hash: one without the other proves nothing."""
-    for host, _, terminal in draft.boxes(SatelliteTerminal):
-        evidence, part = terminal.evidence, Part("device", host)
+    for host, _, terminal in draft.boxes(model.SatelliteTerminal):
+        evidence, part = terminal.evidence, _draft.Part("device", host)
         if evidence is None:
             continue
         if (evidence.backup_file is None) != (evidence.backup_sha256 is None):
@@ -124,22 +116,22 @@ def evidence_is_whole(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("evidence", "backup_file"), message, hint)
 
 
-def _satellites(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
+def _satellites(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             if bearer.kind.traits.allow_list:
                 yield name, index, bearer
 
 
-def _key(target: AllowedTarget) -> tuple[IPv4Address, int | None, Transport]:
+def _key(target: model.AllowedTarget) -> tuple[IPv4Address, int | None, model.Transport]:
     return target.address, target.port, target.transport
 
 
-def _spelt(target: AllowedTarget) -> str:
+def _spelt(target: model.AllowedTarget) -> str:
     return f"{target.address} port {target.port} {target.transport}" if target.port else f"{target.address}"
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     only_on_satellites,
     additions_only,
     each_once,
@@ -153,36 +145,36 @@ _LEAST_MB = 0.1
 """Reading one configured router comes to about 80 kB on the wire, before anything is changed."""
 
 
-def of_metered_links_only(draft: Draft) -> Iterator[Finding]:
+def of_metered_links_only(draft: _draft.Draft) -> Iterator[Finding]:
     """Tariff, cap and budget of a link that costs nothing are a mistake: perhaps it does cost."""
     for name, index, bearer in _bearers(draft):
         for key in ("billing", "cap_mb", "standing_budget_mb", "standing_budget_eur", *_CANARY_BUDGETS):
             if not bearer.metered and key in bearer.model_fields_set and getattr(bearer, key) is not None:
                 message = f"link `{bearer.name}` is declared as free (`metered: false`), so `{key}` means nothing"
                 hint = f"remove `{key}:`, or write `metered: true` if every byte costs"
-                yield draft.wrong(Part("site", name), ("bearers", index, key), message, hint)
+                yield draft.wrong(_draft.Part("site", name), ("bearers", index, key), message, hint)
 
 
-def leaves_room_to_read(draft: Draft) -> Iterator[Finding]:
+def leaves_room_to_read(draft: _draft.Draft) -> Iterator[Finding]:
     """Below what it takes to look at a router a cap forbids everything, which no cap is meant to do."""
     for name, index, bearer in _bearers(draft):
         if bearer.metered and bearer.cap_mb < _LEAST_MB:
             message = f"link `{bearer.name}` admits {bearer.cap_mb:g} MB to an action, not enough to read one router"
             hint = f"write {_LEAST_MB:g} or more; what nobody has agreed to pay is not sent in any case"
-            yield draft.wrong(Part("site", name), ("bearers", index, "cap_mb"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("bearers", index, "cap_mb"), message, hint)
 
 
-def a_floor_has_a_rate(draft: Draft) -> Iterator[Finding]:
+def a_floor_has_a_rate(draft: _draft.Draft) -> Iterator[Finding]:
     """`floor_after_s` says from when on the floor holds: without a floor nothing holds."""
     for name, index, bearer in _bearers(draft):
         billing = bearer.billing
         if billing is not None and billing.floor_after_s and not billing.floor_bytes_per_s:
             message = f"the tariff of link `{bearer.name}` has a floor from {billing.floor_after_s} s on, and no floor"
             hint = "add `floor_bytes_per_s` from the contract, or remove `floor_after_s`"
-            yield draft.wrong(Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint)
+            yield draft.wrong(_draft.Part("site", name), ("bearers", index, "billing", "floor_after_s"), message, hint)
 
 
-def a_budget_in_euro_has_a_tariff(draft: Draft) -> Iterator[Finding]:
+def a_budget_in_euro_has_a_tariff(draft: _draft.Draft) -> Iterator[Finding]:
     """What goes over a link by itself can be compared with a budget in EUR only where its price is known in EUR."""
     for name, index, bearer in _bearers(draft):
         for key in ("standing_budget_eur", "canary_budget_eur"):
@@ -194,13 +186,13 @@ def a_budget_in_euro_has_a_tariff(draft: Draft) -> Iterator[Finding]:
                     f"link `{bearer.name}` has a budget in EUR and no tariff, so nobody can say whether it is kept"
                 )
                 hint = f"add `billing:` from the contract, or write `{in_mb}:`"
-                yield draft.wrong(Part("site", name), path, message, hint)
+                yield draft.wrong(_draft.Part("site", name), path, message, hint)
             elif billing.currency != "EUR":
                 message = f"the tariff of link `{bearer.name}` is in {billing.currency}, and its budget in EUR"
-                yield draft.wrong(Part("site", name), path, message, f"write `{in_mb}:` in its place")
+                yield draft.wrong(_draft.Part("site", name), path, message, f"write `{in_mb}:` in its place")
 
 
-def a_budget_of_canaries_is_of_use(draft: Draft) -> Iterator[Finding]:
+def a_budget_of_canaries_is_of_use(draft: _draft.Draft) -> Iterator[Finding]:
     """There is somebody to ask, and often enough that a dead link is noticed."""
     for name, index, bearer in _bearers(draft):
         key = next((key for key in _CANARY_BUDGETS if getattr(bearer, key) is not None), None)
@@ -209,39 +201,39 @@ def a_budget_of_canaries_is_of_use(draft: Draft) -> Iterator[Finding]:
         path = ("bearers", index, key)
         if not bearer.canaries:
             message = f"link `{bearer.name}` has a budget for canaries, and no canaries"
-            yield draft.wrong(Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
-        elif bearer.canary_pause_s > LONGEST_PAUSE_S and bearer.canary_budget_bytes is not None:
-            least_mb = ceil(bearer.canary_budget_bytes / 1e4 * bearer.canary_pause_s / LONGEST_PAUSE_S) / 100
+            yield draft.wrong(_draft.Part("site", name), path, message, f"add `canaries:`, or remove `{key}:`")
+        elif bearer.canary_pause_s > model.LONGEST_PAUSE_S and bearer.canary_budget_bytes is not None:
+            least_mb = ceil(bearer.canary_budget_bytes / 1e4 * bearer.canary_pause_s / model.LONGEST_PAUSE_S) / 100
             message = (
                 f"the budget of the canaries of link `{bearer.name}` admits one question in "
                 f"{bearer.canary_pause_s / 60:.0f} min, too seldom to notice that it is dead"
             )
-            hint = f"once in {LONGEST_PAUSE_S // 60} min takes {least_mb:.2f} MB a month: let `{key}` admit that"
-            yield draft.wrong(Part("site", name), path, message, hint)
+            hint = f"once in {model.LONGEST_PAUSE_S // 60} min takes {least_mb:.2f} MB a month: let `{key}` admit that"
+            yield draft.wrong(_draft.Part("site", name), path, message, hint)
 
 
-def metered_links_have_a_budget(draft: Draft) -> Iterator[Finding]:
+def metered_links_have_a_budget(draft: _draft.Draft) -> Iterator[Finding]:
     """What goes over a metered link by itself is paid for every day, so somebody says how much it may be."""
     for name, index, bearer in _bearers(draft):
         if bearer.metered and not bearer.has_standing_budget:
             message = f"no budget is declared for what goes over {bearer.name} by itself"
-            yield draft.wrong(Part("site", name), ("bearers", index), message, BUDGET_HINT)
+            yield draft.wrong(_draft.Part("site", name), ("bearers", index), message, BUDGET_HINT)
 
 
 BUDGET_HINT = "add `standing_budget_mb:` to the link, or `standing_budget_eur:` if its tariff is in EUR"
 
 
-def _bearers(draft: Draft) -> Iterator[tuple[str, int, Bearer]]:
+def _bearers(draft: _draft.Draft) -> Iterator[tuple[str, int, model.Bearer]]:
     for name, site in draft.sites.items():
         for index, bearer in enumerate(site.bearers):
             yield name, index, bearer
 
 
-COST_RULES: tuple[Rule, ...] = (
+COST_RULES: tuple[_draft.Rule, ...] = (
     of_metered_links_only,
     leaves_room_to_read,
     a_floor_has_a_rate,
     a_budget_in_euro_has_a_tariff,
     a_budget_of_canaries_is_of_use,
 )
-COST_WARNINGS: tuple[Rule, ...] = (metered_links_have_a_budget,)
+COST_WARNINGS: tuple[_draft.Rule, ...] = (metered_links_have_a_budget,)

@@ -8,7 +8,7 @@ from pydantic import BaseModel
 
 from atlantis_netcfg.core import passwords
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.examples import SSH_KEY, examples_in
 from atlantis_netcfg.inventory.findings import Finding, Mark
@@ -25,7 +25,7 @@ _BY_PROVIDER = {("sim", "pin"), ("sim", "password")}
 """Nobody here has chosen them: the provider has."""
 
 
-def in_clear(draft: Draft) -> Iterator[Finding]:
+def in_clear(draft: _draft.Draft) -> Iterator[Finding]:
     """A real secret never stands readable in a file that goes into git."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
@@ -36,7 +36,7 @@ def in_clear(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, message, f"ansible-vault encrypt_string --stdin-name {name}")
 
 
-def printable(draft: Draft) -> Iterator[Finding]:
+def printable(draft: _draft.Draft) -> Iterator[Finding]:
     """A secret can be typed on a console."""
     for part, model in _holders(draft):
         for path, secret in _secrets(model):
@@ -45,7 +45,7 @@ def printable(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, message, "make another one")
 
 
-def weak(draft: Draft) -> Iterator[Finding]:
+def weak(draft: _draft.Draft) -> Iterator[Finding]:
     """A secret that was opened is none of the examples, and not easy to guess."""
     words = (*draft.sites, *draft.layout.hosts)
     for part, model in _holders(draft):
@@ -71,14 +71,14 @@ def _weakness(name: str, text: str, words: tuple[str, ...], *, is_ours: bool) ->
     return "", ""
 
 
-def _holders(draft: Draft) -> Iterator[tuple[Part, BaseModel]]:
+def _holders(draft: _draft.Draft) -> Iterator[tuple[_draft.Part, BaseModel]]:
     """Every part that may hold a secret."""
     if draft.pilot is not None:
-        yield Part("pilot"), draft.pilot
+        yield _draft.Part("pilot"), draft.pilot
     for host, device in draft.devices.items():
-        yield Part("device", host), device
+        yield _draft.Part("device", host), device
     for name, vehicle in draft.vehicles.items():
-        yield Part("vehicle", name), vehicle
+        yield _draft.Part("vehicle", name), vehicle
 
 
 def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], Secret]]:
@@ -95,11 +95,11 @@ def _secrets(model: BaseModel, path: tuple[str | int, ...] = ()) -> Iterator[tup
                 yield from _secrets(inner, (*path, *step))
 
 
-def examples_left(draft: Draft) -> Iterator[Finding]:
+def examples_left(draft: _draft.Draft) -> Iterator[Finding]:
     """`example_values: false` is true: nothing that was shipped as an example is left."""
     if draft.pilot is None or draft.pilot.example_values:
         return
-    but = f"but `example_values` is false ({draft.where(Part('pilot'), 'example_values')})"
+    but = f"but `example_values` is false ({draft.where(_draft.Part('pilot'), 'example_values')})"
     keys_by_mark: dict[Mark, list[str]] = {}
     for example in examples_in(draft.nodes.values()):
         if example.recognised is None:
@@ -117,4 +117,4 @@ def examples_left(draft: Draft) -> Iterator[Finding]:
         yield Finding.at(mark, f"{words} {verb} marked as an example, {but}", hint)
 
 
-RULES: tuple[Rule, ...] = (in_clear, printable, weak, examples_left)
+RULES: tuple[_draft.Rule, ...] = (in_clear, printable, weak, examples_left)

@@ -7,56 +7,51 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import (
-    REFLECTOR_PORT,
-    ROS1_BRIDGE,
-    ControlCentre,
-    Gateway,
-    HostedService,
-    RosDistribution,
-    ServerComputer,
-    ServiceNetwork,
-    Transport,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 _NTP_PORT = 123
-_PortKey = tuple[Transport, int]
+_PortKey = tuple[model.Transport, int]
 
 
-def _services(draft: Draft) -> Iterator[tuple[str, ServerComputer, int, HostedService]]:
+def _services(draft: _draft.Draft) -> Iterator[tuple[str, model.ServerComputer, int, model.HostedService]]:
     """Host, device, place in its list, and the service."""
-    for host, _, device in draft.boxes(ServerComputer):
+    for host, _, device in draft.boxes(model.ServerComputer):
         for index, service in enumerate(device.services):
             yield host, device, index, service
 
 
-def names_once(draft: Draft) -> Iterator[Finding]:
+def names_once(draft: _draft.Draft) -> Iterator[Finding]:
     """The name is that of the unit and of the account."""
     index_by_name: dict[tuple[str, str], int] = {}
     for host, _, index, service in _services(draft):
         first = index_by_name.setdefault((host, service.name), index)
         if first != index:
-            line = draft.mark(Part("device", host), "services", first, "name").line
+            line = draft.mark(_draft.Part("device", host), "services", first, "name").line
             message = f"`{service.name}` is already the name of a service of `{host}`, in line {line}"
-            yield draft.wrong(Part("device", host), ("services", index, "name"), message, "give each its own name")
+            yield draft.wrong(
+                _draft.Part("device", host), ("services", index, "name"), message, "give each its own name"
+            )
 
 
-def ports_once(draft: Draft) -> Iterator[Finding]:
+def ports_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A port is that of one service, and of nothing that the toolkit itself runs there."""
     owner_by_port: dict[tuple[str, _PortKey], str] = {}
     for host, device in draft.devices.items():
-        if isinstance(device, ServerComputer):
+        if isinstance(device, model.ServerComputer):
             owner_by_port |= {(host, key): why for key, why in _occupied_ports(draft, host, device).items()}
     for host, _, index, service in _services(draft):
         if service.port is None:
             continue
-        part, path, key = Part("device", host), ("services", index, "port"), (host, (service.transport, service.port))
+        part, path, key = (
+            _draft.Part("device", host),
+            ("services", index, "port"),
+            (host, (service.transport, service.port)),
+        )
         if key in owner_by_port:
             message = f"{service.transport} port {service.port} of `{host}` is already {owner_by_port[key]}"
             yield draft.wrong(part, path, message, "choose a port that is free")
@@ -64,20 +59,22 @@ def ports_once(draft: Draft) -> Iterator[Finding]:
         owner_by_port.setdefault(key, why)
 
 
-def _occupied_ports(draft: Draft, host: str, device: ServerComputer) -> dict[_PortKey, str]:
+def _occupied_ports(draft: _draft.Draft, host: str, device: model.ServerComputer) -> dict[_PortKey, str]:
     """What is opened on the computer besides its own services."""
     owner_by_port: dict[_PortKey, str] = {
-        (Transport.UDP, _NTP_PORT): "that of the time server for the LAN",
-        (Transport.TCP, device.ssh.port): "that of SSH",
+        (model.Transport.UDP, _NTP_PORT): "that of the time server for the LAN",
+        (model.Transport.TCP, device.ssh.port): "that of SSH",
     }
     if draft.pilot is None:
         return owner_by_port
     if device.vpn_address is not None:
-        owner_by_port[Transport.UDP, REFLECTOR_PORT] = "that of the answers to other sites' checklists"
+        owner_by_port[model.Transport.UDP, model.REFLECTOR_PORT] = "that of the answers to other sites' checklists"
     if draft.pilot.qualify is not None:
-        owner_by_port[Transport.UDP, draft.pilot.qualify.port] = "that of the far end of measurements (pilot.qualify)"
+        owner_by_port[model.Transport.UDP, draft.pilot.qualify.port] = (
+            "that of the far end of measurements (pilot.qualify)"
+        )
     if draft.pilot.dds is not None:
-        owner_by_port |= {(Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
+        owner_by_port |= {(model.Transport.UDP, port): "one of DDS" for port in draft.pilot.dds.all_ports}
     for index, service in enumerate(draft.pilot.vpn.services):
         if service.host == host:
             where = draft.where(_PILOT, "vpn", "services", index, "port")
@@ -85,23 +82,25 @@ def _occupied_ports(draft: Draft, host: str, device: ServerComputer) -> dict[_Po
     return owner_by_port
 
 
-def open_ports(draft: Draft) -> Iterator[Finding]:
+def open_ports(draft: _draft.Draft) -> Iterator[Finding]:
     """Only a port can be open, and only a member of the VPN is reached through it."""
     for host, device, index, service in _services(draft):
         path = ("services", index)
         if service.port is None and (service.open_to or service.partners):
             message = f"the service `{service.name}` has no port that could be open to anybody"
-            yield draft.wrong(Part("device", host), path, message, "write its `port:`, or leave out who reaches it")
-        elif device.vpn_address is None and (service.partners or ServiceNetwork.VPN in service.open_to):
+            yield draft.wrong(
+                _draft.Part("device", host), path, message, "write its `port:`, or leave out who reaches it"
+            )
+        elif device.vpn_address is None and (service.partners or model.ServiceNetwork.VPN in service.open_to):
             message = f"`{service.name}` is to be reached through the VPN, and `{host}` has no address in it"
             yield draft.wrong(
-                Part("device", host), path, message, f"write `vpn_address:` of `{host}`, or `open_to: [lan]`"
+                _draft.Part("device", host), path, message, f"write `vpn_address:` of `{host}`, or `open_to: [lan]`"
             )
 
 
-def partners_known(draft: Draft) -> Iterator[Finding]:
+def partners_known(draft: _draft.Draft) -> Iterator[Finding]:
     """A partner whose key is misspelt would be kept out, and nobody told."""
-    whole = draft.nodes.get(Part("partners"))
+    whole = draft.nodes.get(_draft.Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
     partner_names = draft.names("partner")
@@ -110,15 +109,17 @@ def partners_known(draft: Draft) -> Iterator[Finding]:
             path = ("services", index, "partners", place)
             if partner not in partner_names:
                 hint = suggest(partner, partner_names, none="add it to `partners`")
-                yield draft.wrong(Part("device", host), path, f"there is no partner `{partner}`", hint)
+                yield draft.wrong(_draft.Part("device", host), path, f"there is no partner `{partner}`", hint)
             elif partner in service.partners[:place]:
-                yield draft.wrong(Part("device", host), path, f"`{partner}` stands twice in this list", "remove one")
+                yield draft.wrong(
+                    _draft.Part("device", host), path, f"`{partner}` stands twice in this list", "remove one"
+                )
 
 
-def started_once(draft: Draft) -> Iterator[Finding]:
+def started_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A service is a program or a container, and a variable has one value."""
     for host, _, index, service in _services(draft):
-        part, path = Part("device", host), ("services", index, "container")
+        part, path = _draft.Part("device", host), ("services", index, "container")
         if service.container is None:
             continue
         if service.program is not None:
@@ -137,14 +138,14 @@ def started_once(draft: Draft) -> Iterator[Finding]:
             names.add(variable.name)
 
 
-def programs_apart(draft: Draft) -> Iterator[Finding]:
+def programs_apart(draft: _draft.Draft) -> Iterator[Finding]:
     """A partner's program does not run as root, and two do not write to one folder."""
     owner_by_folder: dict[tuple[str, str], str] = {}
     for host, _, index, service in _services(draft):
         if service.workload is None:
             continue
         form = "program" if service.program is not None else "container"
-        part, path = Part("device", host), ("services", index, form)
+        part, path = _draft.Part("device", host), ("services", index, form)
         if service.workload.user == "root":
             message = f"the service `{service.name}` would run as root, and its program is not ours"
             yield draft.wrong(part, (*path, "user"), message, "leave `user:` out: it gets an account of its own")
@@ -155,32 +156,32 @@ def programs_apart(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, (*path, "data"), message, "give each its own folder")
 
 
-def containers_possible(draft: Draft) -> Iterator[Finding]:
+def containers_possible(draft: _draft.Draft) -> Iterator[Finding]:
     """Containers are run by podman, which Ubuntu 20.04 does not have: the system that Foxy is installed on."""
-    for host, _, device in draft.boxes(ServerComputer):
+    for host, _, device in draft.boxes(model.ServerComputer):
         if not _has_foxy(draft, device):
             continue
         message = f"`{host}` gets ROS 2 foxy, so that it has Ubuntu 20.04, and no podman is in the archive of that"
         hint = "run the container on a computer without foxy: Debian 12 has podman"
         for index, each in enumerate(device.services):
             if each.container is not None:
-                yield draft.wrong(Part("device", host), ("services", index, "container"), message, hint)
+                yield draft.wrong(_draft.Part("device", host), ("services", index, "container"), message, hint)
         if device.ros1_bridge is not None and device.ros1_bridge.archive is not None:
             hint = "leave out `archive:` and `sha256:`: there the bridge is a package of ROS"
-            yield draft.wrong(Part("device", host), ("ros1_bridge",), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("ros1_bridge",), message, hint)
 
 
-def _has_foxy(draft: Draft, device: ServerComputer) -> bool:
+def _has_foxy(draft: _draft.Draft, device: model.ServerComputer) -> bool:
     """Whether a computer gets it, and with it the packages of its archive."""
     if draft.pilot is None or draft.pilot.dds is None or draft.pilot.gateways.ros2 is None:
         return False
-    return draft.pilot.dds.distribution is RosDistribution.FOXY and device.has_ros2
+    return draft.pilot.dds.distribution is model.RosDistribution.FOXY and device.has_ros2
 
 
-def bridges_possible(draft: Draft) -> Iterator[Finding]:
+def bridges_possible(draft: _draft.Draft) -> Iterator[Finding]:
     """A bridge is a participant of DDS over the VPN, and its name is no service's."""
-    for host, _, device in draft.boxes(ServerComputer):
-        part, bridge = Part("device", host), device.ros1_bridge
+    for host, _, device in draft.boxes(model.ServerComputer):
+        part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
             continue
         if draft.pilot is not None and draft.pilot.dds is None:
@@ -190,8 +191,8 @@ def bridges_possible(draft: Draft) -> Iterator[Finding]:
             message = f"the bridge of `{host}` talks through the VPN, and `{host}` has no address in it"
             yield draft.wrong(part, ("ros1_bridge",), message, f"write `vpn_address:` of `{host}`")
         for index, service in enumerate(device.services):
-            if service.name == ROS1_BRIDGE:
-                message = f"`{ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
+            if service.name == model.ROS1_BRIDGE:
+                message = f"`{model.ROS1_BRIDGE}` is the name of the bridge to ROS 1 of `{host}`"
                 yield draft.wrong(part, ("services", index, "name"), message, "give the service another name")
         topics = [each.topic for each in bridge.topics]
         for index, topic in enumerate(topics):
@@ -200,10 +201,10 @@ def bridges_possible(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
 
 
-def bridge_is_package_or_image(draft: Draft) -> Iterator[Finding]:
+def bridge_is_package_or_image(draft: _draft.Draft) -> Iterator[Finding]:
     """The archive of foxy has the bridge; elsewhere somebody brings an image."""
-    for host, _, device in draft.boxes(ServerComputer):
-        part, bridge = Part("device", host), device.ros1_bridge
+    for host, _, device in draft.boxes(model.ServerComputer):
+        part, bridge = _draft.Part("device", host), device.ros1_bridge
         if bridge is None:
             continue
         if (bridge.archive is None) is not (bridge.sha256 is None):
@@ -215,13 +216,13 @@ def bridge_is_package_or_image(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("ros1_bridge",), message, hint)
 
 
-def choices_declared(draft: Draft) -> Iterator[Finding]:
+def choices_declared(draft: _draft.Draft) -> Iterator[Finding]:
     """What is chosen for a control centre is declared for the pilot, and the library stands on ROS 2."""
     if draft.pilot is None:
         return
     gateways = draft.pilot.gateways
-    for host, _, device in draft.boxes(ControlCentre):
-        part = Part("device", host)
+    for host, _, device in draft.boxes(model.ControlCentre):
+        part = _draft.Part("device", host)
         if device.ros2 and gateways.ros2 is None:
             message = f"`{host}` is to have ROS 2, and the pilot declares none"
             yield draft.wrong(part, ("ros2",), message, "write `gateways: {ros2: …}` in pilot.yml, or `ros2: false`")
@@ -233,12 +234,12 @@ def choices_declared(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, ("interop",), message, "write `ros2: true` beside it")
 
 
-def recorder_declared(draft: Draft) -> Iterator[Finding]:
+def recorder_declared(draft: _draft.Draft) -> Iterator[Finding]:
     """A recording is made by a program of ROS 2, of which each topic is named once."""
-    for host, _, device in draft.boxes(Gateway):
+    for host, _, device in draft.boxes(model.Gateway):
         if device.recording is None:
             continue
-        part, topics = Part("device", host), device.recording.topics
+        part, topics = _draft.Part("device", host), device.recording.topics
         if draft.pilot is not None and draft.pilot.gateways.ros2 is None:
             message = f"`{host}` is to record topics of ROS 2, and the pilot declares none"
             yield draft.wrong(part, ("recording",), message, "write `gateways: {ros2: …}` in pilot.yml")
@@ -248,7 +249,7 @@ def recorder_declared(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, path, f"`{topic}` stands twice in this list", "remove one")
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     names_once,
     ports_once,
     open_ports,

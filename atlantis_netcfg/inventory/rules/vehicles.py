@@ -12,20 +12,19 @@ import yaml
 from pydantic import TypeAdapter
 
 from atlantis_netcfg.core.errors import nearest
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.findings import Finding, suggest
-from atlantis_netcfg.inventory.model import Column, Guest, Model, TelemetryData, Vehicle, VehicleKind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
 
-class VehicleRow(Model):
+class VehicleRow(model.Model):
     """A row of the report's Table 3: its X cells."""
 
     name: str
-    kind: VehicleKind
-    table3: frozenset[Column]
+    kind: model.VehicleKind
+    table3: frozenset[model.Column]
 
 
 @cache
@@ -36,11 +35,11 @@ def table3() -> Mapping[str, VehicleRow]:
     return MappingProxyType({row.name: row for row in rows})
 
 
-def names(draft: Draft) -> Iterator[Finding]:
+def names(draft: _draft.Draft) -> Iterator[Finding]:
     """No name, alias or key means two vehicles; spaces, hyphens and case do not tell robots apart."""
     owner_by_name: dict[str, tuple[str, str]] = {}
     for key, vehicle in draft.vehicles.items():
-        part = Part("vehicle", key)
+        part = _draft.Part("vehicle", key)
         local: list[tuple[str, tuple[str | int, ...]]] = [(key, ()), (vehicle.name, ("name",))]
         local += [(alias, ("aliases", index)) for index, alias in enumerate(vehicle.aliases)]
         for word, path in local:
@@ -54,49 +53,53 @@ def _plain(word: str) -> str:
     return re.sub(r"[\W_]+", "", word.casefold())
 
 
-def aliases(draft: Draft) -> Iterator[Finding]:
+def aliases(draft: _draft.Draft) -> Iterator[Finding]:
     """An alias stands once, and is another word than the name."""
     for key, vehicle in draft.vehicles.items():
         earlier_names = [key, vehicle.name]
         for index, alias in enumerate(vehicle.aliases):
             if alias.casefold() in (word.casefold() for word in earlier_names):
                 message = f"`{alias}` is already a name of this vehicle"
-                yield draft.wrong(Part("vehicle", key), ("aliases", index), message, "remove it")
+                yield draft.wrong(_draft.Part("vehicle", key), ("aliases", index), message, "remove it")
             earlier_names.append(alias)
 
 
-def partners(draft: Draft) -> Iterator[Finding]:
+def partners(draft: _draft.Draft) -> Iterator[Finding]:
     """A vehicle's partner is declared."""
-    whole = draft.nodes.get(Part("partners"))
+    whole = draft.nodes.get(_draft.Part("partners"))
     if whole is None or not isinstance(whole.value, dict):
         return  # that is told
     partner_names = draft.names("partner")
     for key, vehicle in draft.vehicles.items():
         if vehicle.partner is not None and vehicle.partner not in partner_names:
             hint = suggest(vehicle.partner, partner_names, none="add it to `partners`, or write null")
-            yield draft.wrong(Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint)
+            yield draft.wrong(
+                _draft.Part("vehicle", key), ("partner",), f"there is no partner `{vehicle.partner}`", hint
+            )
 
 
-def columns(draft: Draft) -> Iterator[Finding]:
+def columns(draft: _draft.Draft) -> Iterator[Finding]:
     """A column stands once in a row, of a vehicle and of a location."""
-    rows: list[tuple[Part, tuple[str, ...], tuple[Column, ...]]] = [
-        (Part("vehicle", key), ("table3",), vehicle.table3) for key, vehicle in draft.vehicles.items()
+    rows: list[tuple[_draft.Part, tuple[str, ...], tuple[model.Column, ...]]] = [
+        (_draft.Part("vehicle", key), ("table3",), vehicle.table3) for key, vehicle in draft.vehicles.items()
     ]
-    rows += [(Part("site", name), ("location", "table3"), site.location.table3) for name, site in draft.sites.items()]
+    rows += [
+        (_draft.Part("site", name), ("location", "table3"), site.location.table3) for name, site in draft.sites.items()
+    ]
     for part, path, row in rows:
         for index, column in enumerate(row):
             if column in row[:index]:
                 yield draft.wrong(part, (*path, index), f"`{column}` stands twice in this row", "remove one")
 
 
-def report_rows(draft: Draft) -> Iterator[Finding]:
+def report_rows(draft: _draft.Draft) -> Iterator[Finding]:
     """A row is the report's, or says why it differs; guests and docking stations have rows of their own."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
         row = table.get(vehicle.name)
-        if vehicle.guest or isinstance(vehicle, Guest):
+        if vehicle.guest or isinstance(vehicle, model.Guest):
             continue
-        if row is None and vehicle.kind is VehicleKind.DOCKING_STATION:
+        if row is None and vehicle.kind is model.VehicleKind.DOCKING_STATION:
             continue
         if row is None:
             yield from _not_of_the_report(draft, key, vehicle, table)
@@ -106,18 +109,18 @@ def report_rows(draft: Draft) -> Iterator[Finding]:
             message = f"`{key}` is not as in the report's Table 3: {'; '.join(differs)}"
             hint = "correct it, or say why: `table3_deviation: <reason>`"
             path = "kind" if vehicle.kind is not row.kind else "table3"
-            yield draft.wrong(Part("vehicle", key), (path,), message, hint)
+            yield draft.wrong(_draft.Part("vehicle", key), (path,), message, hint)
         if not differs and vehicle.table3_deviation is not None:
             message = f"`{key}` says why it differs from the report's Table 3, but it does not differ"
-            yield draft.wrong(Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
+            yield draft.wrong(_draft.Part("vehicle", key), ("table3_deviation",), message, "remove `table3_deviation:`")
 
 
-def guests(draft: Draft) -> Iterator[Finding]:
+def guests(draft: _draft.Draft) -> Iterator[Finding]:
     """A guest is no robot of the report, has a partner, and is tested at sites of the pilot."""
     table = table3()
     for key, vehicle in draft.vehicles.items():
-        part = Part("vehicle", key)
-        if isinstance(vehicle, Guest) and not vehicle.guest:
+        part = _draft.Part("vehicle", key)
+        if isinstance(vehicle, model.Guest) and not vehicle.guest:
             hint = "remove the line, or declare the vehicle in vehicles.yml"
             yield draft.wrong(part, ("guest",), f"`{key}` stands in guests.yml, and says that it is no guest", hint)
         if not vehicle.guest:
@@ -131,13 +134,13 @@ def guests(draft: Draft) -> Iterator[Finding]:
         if vehicle.partner is None:
             message = f"nobody says whose guest `{key}` is"
             yield draft.wrong(part, ("partner",), message, "add `partner:` with a key of `partners`")
-        for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, Guest) else ()):
+        for index, site in enumerate(vehicle.tested_at if isinstance(vehicle, model.Guest) else ()):
             if site not in draft.layout.sites:
                 hint = suggest(site, draft.layout.sites, none="add it to hosts.yml")
                 yield draft.wrong(part, ("tested_at", index), f"there is no site `{site}`", hint)
 
 
-def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
+def _differences(vehicle: model.Vehicle, row: VehicleRow) -> Iterator[str]:
     if vehicle.kind is not row.kind:
         yield f"kind is {row.kind}"
     if more := _join_columns(set(vehicle.table3) - row.table3):
@@ -146,46 +149,48 @@ def _differences(vehicle: Vehicle, row: VehicleRow) -> Iterator[str]:
         yield f"{fewer} missing"
 
 
-def _join_columns(some: Iterable[Column]) -> str:
+def _join_columns(some: Iterable[model.Column]) -> str:
     column_set = set(some)
-    return ", ".join(column for column in Column if column in column_set)
+    return ", ".join(column for column in model.Column if column in column_set)
 
 
-def _not_of_the_report(draft: Draft, key: str, vehicle: Vehicle, table: Mapping[str, VehicleRow]) -> Iterator[Finding]:
+def _not_of_the_report(
+    draft: _draft.Draft, key: str, vehicle: model.Vehicle, table: Mapping[str, VehicleRow]
+) -> Iterator[Finding]:
     if vehicle.table3_deviation is None:
         near = nearest(vehicle.name, table)
         hint = (
             f"did you mean `{near}`?" if near else "say why it is here: `table3_deviation: <reason>`, or `guest: true`"
         )
         yield draft.wrong(
-            Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
+            _draft.Part("vehicle", key), ("name",), f"the report's Table 3 has no vehicle `{vehicle.name}`", hint
         )
 
 
-def report_complete(draft: Draft) -> Iterator[Finding]:
+def report_complete(draft: _draft.Draft) -> Iterator[Finding]:
     """Every vehicle of the report is declared; a misspelt one is told at its name."""
-    whole = Part("vehicles")
+    whole = _draft.Part("vehicles")
     if whole not in draft.nodes:
         return
-    vehicle_names = [str(draft.nodes[Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
+    vehicle_names = [str(draft.nodes[_draft.Part("vehicle", key)].at("name").value) for key in draft.names("vehicle")]
     for name in table3():
         if name not in vehicle_names and nearest(name, vehicle_names) is None:
             message = f"`{name}` of the report's Table 3 is not declared"
             yield draft.wrong(whole, (), message, "every robot of the report stays in the checklist: add it")
 
 
-def topics_once(draft: Draft) -> Iterator[Finding]:
+def topics_once(draft: _draft.Draft) -> Iterator[Finding]:
     """A topic of a vehicle stands once: it would be counted twice."""
     for key, vehicle in draft.vehicles.items():
         seen_topics: set[str] = set()
         for index, item in enumerate(vehicle.telemetry):
             if item.topic in seen_topics:
                 message = f"the topic `{item.topic}` of `{key}` stands twice"
-                yield draft.wrong(Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
+                yield draft.wrong(_draft.Part("vehicle", key), ("telemetry", index, "topic"), message, "remove one")
             seen_topics.add(item.topic)
 
 
-def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
+def topics_go_by_dds(draft: _draft.Draft) -> Iterator[Finding]:
     """Telemetry is counted as DDS sends it, by the pilot's implementation and profiles."""
     if draft.pilot is None or draft.pilot.dds is not None:
         return
@@ -193,20 +198,22 @@ def topics_go_by_dds(draft: Draft) -> Iterator[Finding]:
         if vehicle.telemetry:
             message = f"`{key}` publishes telemetry, and the pilot declares no DDS to carry it"
             hint = "write `dds: {distribution: foxy}` below `pilot:`, or remove `telemetry:`"
-            yield draft.wrong(Part("vehicle", key), ("telemetry",), message, hint)
+            yield draft.wrong(_draft.Part("vehicle", key), ("telemetry",), message, hint)
 
 
-def useful_rates(draft: Draft) -> Iterator[Finding]:
+def useful_rates(draft: _draft.Draft) -> Iterator[Finding]:
     """A topic is not declared to be of no use at the rate at which it is published."""
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
             if item.least_hz is not None and item.least_hz > item.rate_hz:
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, below its `least_hz`"
                 path = ("telemetry", index, "least_hz")
-                yield draft.wrong(Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out")
+                yield draft.wrong(
+                    _draft.Part("vehicle", key), path, message, "write a lower `least_hz`, or leave it out"
+                )
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     names,
     aliases,
     partners,
@@ -220,22 +227,22 @@ RULES: tuple[Rule, ...] = (
 )
 
 _GUIDELINES = {
-    TelemetryData.NUMBERS: (1.0, 4.0, "numbers and poses: 1 to 4 Hz"),
-    TelemetryData.IMAGES: (4.0, 5.0, "images: 4 to 5 Hz, of low resolution"),
-    TelemetryData.POINT_CLOUDS: (0.0, 1.0, "point clouds: below 1 Hz"),
+    model.TelemetryData.NUMBERS: (1.0, 4.0, "numbers and poses: 1 to 4 Hz"),
+    model.TelemetryData.IMAGES: (4.0, 5.0, "images: 4 to 5 Hz, of low resolution"),
+    model.TelemetryData.POINT_CLOUDS: (0.0, 1.0, "point clouds: below 1 Hz"),
 }
 """The lowest and the highest rate, and the guideline of the report's section 3.3.3."""
 
 
-def beside_guideline(data: TelemetryData, rate_hz: float) -> tuple[str, str] | None:
+def beside_guideline(data: model.TelemetryData, rate_hz: float) -> tuple[str, str] | None:
     """Whether a rate is `above` or `below` the report's guideline, and the guideline; None: it keeps to it."""
     lowest, highest, guideline = _GUIDELINES[data]
-    if rate_hz > highest or (data is TelemetryData.POINT_CLOUDS and rate_hz == highest):
+    if rate_hz > highest or (data is model.TelemetryData.POINT_CLOUDS and rate_hz == highest):
         return "above", guideline
     return ("below", guideline) if rate_hz < lowest else None
 
 
-def rates_within_the_guidelines(draft: Draft) -> Iterator[Finding]:
+def rates_within_the_guidelines(draft: _draft.Draft) -> Iterator[Finding]:
     """A topic is published no more often than the report's guideline says."""
     for key, vehicle in draft.vehicles.items():
         for index, item in enumerate(vehicle.telemetry):
@@ -243,7 +250,7 @@ def rates_within_the_guidelines(draft: Draft) -> Iterator[Finding]:
             if way == "above":
                 message = f"`{item.topic}` of `{key}` is published at {item.rate_hz:g} Hz, above the report's guideline"
                 path = ("telemetry", index, "rate_hz")
-                yield draft.wrong(Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
+                yield draft.wrong(_draft.Part("vehicle", key), path, message, f"{guideline} (report, 3.3.3)")
 
 
-WARNINGS: tuple[Rule, ...] = (rates_within_the_guidelines,)
+WARNINGS: tuple[_draft.Rule, ...] = (rates_within_the_guidelines,)

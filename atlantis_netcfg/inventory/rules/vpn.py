@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
+from atlantis_netcfg.inventory import _draft, findings
 from atlantis_netcfg.inventory._schema import DEVICES
 from atlantis_netcfg.inventory._yaml import SealedSecret
-from atlantis_netcfg.inventory.findings import Finding, choices, suggest
 from atlantis_netcfg.inventory.model import Device, LanBox, Router, Transport, VpnServer
-from atlantis_netcfg.inventory.rules.networks import claims, example_in, why_unusable
+from atlantis_netcfg.inventory.rules import networks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +22,7 @@ _LAN_KINDS = frozenset(kind for kind, model in DEVICES.items() if issubclass(mod
 _PASSWORD_BYTES = 1000
 
 
-def server(draft: Draft) -> Iterator[Finding]:
+def server(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The server is a host that can run it."""
     if draft.pilot is None:
         return
@@ -31,14 +30,17 @@ def server(draft: Draft) -> Iterator[Finding]:
     servers = [name for name in draft.layout.hosts if draft.kind_of(name) == "vpn_server"]
     kind = draft.kind_of(host)
     if host not in draft.layout.hosts:
-        message, hint = f"there is no host `{host}`", suggest(host, servers, none="add a host of group vpn_servers")
-        yield draft.wrong(Part("pilot"), ("vpn", "server"), message, hint)
+        message, hint = (
+            f"there is no host `{host}`",
+            findings.suggest(host, servers, none="add a host of group vpn_servers"),
+        )
+        yield draft.wrong(_draft.Part("pilot"), ("vpn", "server"), message, hint)
     elif kind not in {None, "vpn_server"}:
-        hint = f"name a vpn_server: {choices(servers) or 'there is none'}"
-        yield draft.wrong(Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
+        hint = f"name a vpn_server: {findings.choices(servers) or 'there is none'}"
+        yield draft.wrong(_draft.Part("pilot"), ("vpn", "server"), f"`{host}` is a {kind}", hint)
 
 
-def one_server(draft: Draft) -> Iterator[Finding]:
+def one_server(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """One computer is the server: a second one would hold the same keys, and nobody would be told of it."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
@@ -46,10 +48,10 @@ def one_server(draft: Draft) -> Iterator[Finding]:
         if host != draft.pilot.vpn.server:
             message = f"`{host}` is a VPN server, and the pilot's is `{draft.pilot.vpn.server}`"
             hint = "take it out of vpn_servers, or name it in `pilot.vpn.server`"
-            yield draft.wrong(Part("device", host), ("kind",), message, hint)
+            yield draft.wrong(_draft.Part("device", host), ("kind",), message, hint)
 
 
-def way_in(draft: Draft) -> Iterator[Finding]:
+def way_in(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The router of the server's site forwards the VPN's port to it."""
     if draft.pilot is None or draft.kind_of(draft.pilot.vpn.server) != "vpn_server":
         return
@@ -65,32 +67,34 @@ def way_in(draft: Draft) -> Iterator[Finding]:
     unknown = [index for index, item in enumerate(router.forwards) if item.to not in draft.layout.hosts]
     if not unknown:
         message = f"no forward of `{host}` leads {vpn.transport} port {vpn.port} to the VPN server `{vpn.server}`"
-        yield draft.wrong(Part("device", host), ("forwards",), message, f"write {desired_forward}")
+        yield draft.wrong(_draft.Part("device", host), ("forwards",), message, f"write {desired_forward}")
 
 
-def shared_key_end(draft: Draft) -> Iterator[Finding]:
+def shared_key_end(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The server's kernel keeps the end of the shared key; it can tell its packets apart over UDP alone."""
     if draft.pilot is None or draft.pilot.vpn.shared_key_until is None or draft.pilot.vpn.transport is Transport.UDP:
         return
     message = "`shared_key_until` works over UDP only, and `transport` is tcp"
-    yield draft.wrong(Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`")
+    yield draft.wrong(
+        _draft.Part("pilot"), ("vpn", "shared_key_until"), message, "leave it out, or write `transport: udp`"
+    )
 
 
-def forwards(draft: Draft) -> Iterator[Finding]:
+def forwards(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A forward leads to a host of the router's own LAN, and a port leads to one host."""
     for host, site, router in draft.boxes(Router):
-        part, index_by_port = Part("device", host), dict[tuple[str, int], int]()
+        part, index_by_port = _draft.Part("device", host), dict[tuple[str, int], int]()
         here = [name for name, at in draft.layout.hosts.items() if at == site and draft.kind_of(name) in _LAN_KINDS]
         for index, forward in enumerate(router.forwards):
             if forward.to not in draft.layout.hosts:
                 message, hint = (
                     f"there is no host `{forward.to}`",
-                    suggest(forward.to, here, none="add it to hosts.yml"),
+                    findings.suggest(forward.to, here, none="add it to hosts.yml"),
                 )
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
             elif forward.to not in here and draft.kind_of(forward.to) is not None:
                 message = f"`{forward.to}` is not in the LAN of `{site}`"
-                hint = f"hosts of that LAN: {choices(here) or 'none'}"
+                hint = f"hosts of that LAN: {findings.choices(here) or 'none'}"
                 yield draft.wrong(part, ("forwards", index, "to"), message, hint)
             first = index_by_port.setdefault((forward.transport, forward.port), index)
             if first != index:
@@ -99,21 +103,21 @@ def forwards(draft: Draft) -> Iterator[Finding]:
                 yield draft.wrong(part, ("forwards", index, "port"), message, "a port leads to one host")
 
 
-def endpoint_outside(draft: Draft) -> Iterator[Finding]:
+def endpoint_outside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The public address of the server is not reached through its own tunnel, and is no private one of a site."""
     if draft.pilot is None:
         return
     endpoint = draft.pilot.vpn.endpoint
-    for claim in claims(draft):
+    for claim in networks.claims(draft):
         inner = claim.path[0] in {"vpn", "lan", "management", "served_links"}
         if inner and endpoint in claim.network:
             where = draft.where(claim.part, *claim.path)
             message = f"the VPN's endpoint {endpoint} is inside {claim.what}, {claim.network} ({where})"
             hint = "name the public address at which the sites reach the server"
-            yield draft.wrong(Part("pilot"), ("vpn", "endpoint"), message, hint)
+            yield draft.wrong(_draft.Part("pilot"), ("vpn", "endpoint"), message, hint)
 
 
-def tunnel_addresses(draft: Draft) -> Iterator[Finding]:
+def tunnel_addresses(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Routers, gateways and servers have tunnel addresses of the infrastructure's pool."""
     if draft.pilot is None:
         return
@@ -123,12 +127,12 @@ def tunnel_addresses(draft: Draft) -> Iterator[Finding]:
         address = device.vpn_address if isinstance(device, LanBox) else None
         if isinstance(device, Router) and device.vpn_client is not None:
             path, address = ("vpn_client", "address"), device.vpn_client.address
-        if address is not None and (why := why_unusable(address, pool)):
+        if address is not None and (why := networks.why_unusable(address, pool)):
             message = f"the tunnel address {address} of `{host}` {why}, the infrastructure's pool"
-            yield draft.wrong(Part("device", host), path, message, example_in(pool))
+            yield draft.wrong(_draft.Part("device", host), path, message, networks.example_in(pool))
 
 
-def users(draft: Draft) -> Iterator[Finding]:
+def users(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """Every router has a VPN user and a certificate of its own, so that one can be revoked."""
     host_by_user: dict[str, str] = {}
     for host, _, router in draft.boxes(Router):
@@ -136,12 +140,12 @@ def users(draft: Draft) -> Iterator[Finding]:
             continue
         first = host_by_user.setdefault(router.vpn_client.user, host)
         if first != host:
-            where = draft.where(Part("device", first), "vpn_client", "user")
+            where = draft.where(_draft.Part("device", first), "vpn_client", "user")
             message = f"`{router.vpn_client.user}` is already the VPN user of `{first}` ({where})"
-            yield draft.wrong(Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`")
+            yield draft.wrong(_draft.Part("device", host), ("vpn_client", "user"), message, f"write `user: {host}`")
 
 
-def password_length(draft: Draft) -> Iterator[Finding]:
+def password_length(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """RouterOS takes at most 1000 bytes, since 7.18 (MikroTik manual, OpenVPN)."""
     for host, _, router in draft.boxes(Router):
         client = router.vpn_client
@@ -149,10 +153,10 @@ def password_length(draft: Draft) -> Iterator[Finding]:
             continue
         if len(client.password.reveal().encode()) > _PASSWORD_BYTES:
             message = f"the VPN password has more than {_PASSWORD_BYTES} bytes"
-            yield draft.wrong(Part("device", host), ("vpn_client", "password"), message, "choose a shorter one")
+            yield draft.wrong(_draft.Part("device", host), ("vpn_client", "password"), message, "choose a shorter one")
 
 
-RULES: tuple[Rule, ...] = (
+RULES: tuple[_draft.Rule, ...] = (
     server,
     one_server,
     way_in,
@@ -169,32 +173,32 @@ _RESERVED_USERS = {
     "members": "what the server's firewall calls everybody",
     "server": "the server itself",
 }
-_PILOT = Part("pilot")
+_PILOT = _draft.Part("pilot")
 
 
-def names(draft: Draft) -> Iterator[Finding]:
+def names(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A partner's key begins the names of its devices, and is the name of its set in the firewall."""
     for name in draft.partners:
         if name in _RESERVED_USERS:
             message = f"a partner cannot be called `{name}`: in the VPN that is {_RESERVED_USERS[name]}"
-            part = Part("partner", name)
+            part = _draft.Part("partner", name)
             yield draft.wrong(part, (), message, "choose another key; `full_name` is free")
 
 
-def sees(draft: Draft) -> Iterator[Finding]:
+def sees(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """What a partner sees is a vehicle of the pilot, once each."""
     vehicle_names = draft.names("vehicle")
     for name, partner in draft.partners.items():
-        part = Part("partner", name)
+        part = _draft.Part("partner", name)
         for index, vehicle in enumerate(partner.sees):
             if vehicle not in vehicle_names:
-                hint = suggest(vehicle, vehicle_names, none="add it to `vehicles`")
+                hint = findings.suggest(vehicle, vehicle_names, none="add it to `vehicles`")
                 yield draft.wrong(part, ("sees", index), f"there is no vehicle `{vehicle}`", hint)
             elif vehicle in partner.sees[:index]:
                 yield draft.wrong(part, ("sees", index), f"`{vehicle}` stands twice in this list", "remove one")
 
 
-def server_inside(draft: Draft) -> Iterator[Finding]:
+def server_inside(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """The server has an address in its own VPN."""
     if draft.pilot is None:
         return
@@ -203,10 +207,10 @@ def server_inside(draft: Draft) -> Iterator[Finding]:
     if isinstance(device, VpnServer) and device.vpn_address is None:
         message = f"`{host}` runs the VPN and has no address in it"
         hint = f"write `vpn_address:`, one of {draft.pilot.vpn.infrastructure}"
-        yield draft.wrong(Part("device", host), (), message, hint)
+        yield draft.wrong(_draft.Part("device", host), (), message, hint)
 
 
-def services(draft: Draft) -> Iterator[Finding]:
+def services(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A service stands on a host that has an address in the VPN."""
     if draft.pilot is None:
         return
@@ -215,14 +219,14 @@ def services(draft: Draft) -> Iterator[Finding]:
         path = ("vpn", "services", index, "host")
         device = draft.devices.get(service.host)
         if service.host not in draft.layout.hosts:
-            hint = suggest(service.host, inside, none="add it to hosts.yml")
+            hint = findings.suggest(service.host, inside, none="add it to hosts.yml")
             yield draft.wrong(_PILOT, path, f"there is no host `{service.host}`", hint)
         elif device is not None and _tunnel_address(device) is None and service.host != draft.pilot.vpn.server:
             message = f"partners reach services through the VPN, and `{service.host}` has no address in it"
-            yield draft.wrong(_PILOT, path, message, f"hosts that have one: {choices(inside) or 'none'}")
+            yield draft.wrong(_PILOT, path, message, f"hosts that have one: {findings.choices(inside) or 'none'}")
 
 
-def services_once(draft: Draft) -> Iterator[Finding]:
+def services_once(draft: _draft.Draft) -> Iterator[findings.Finding]:
     """A port of a host is one service, and a name too."""
     if draft.pilot is None:
         return
@@ -248,4 +252,4 @@ def _tunnel_address(device: Device) -> IPv4Address | None:
     return device.vpn_address if isinstance(device, LanBox) else None
 
 
-PARTNERS_RULES: tuple[Rule, ...] = (names, sees, server_inside, services, services_once)
+PARTNERS_RULES: tuple[_draft.Rule, ...] = (names, sees, server_inside, services, services_once)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory._draft import Draft, Part, Rule
-from atlantis_netcfg.inventory.model import Gateway, SeenFrom, WifiEndpoint, WifiRole
+from atlantis_netcfg.inventory import _draft, model
 from atlantis_netcfg.inventory.rules.networks import example_in, why_unusable
 from atlantis_netcfg.inventory.rules.radio import is_passphrase
 
@@ -19,7 +18,7 @@ _WIFI = ("endpoints", "wifi")
 _WIDTH_MHZ = 20
 
 
-def _vehicle_networks(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]]:
+def _vehicle_networks(draft: _draft.Draft) -> Iterator[tuple[str, model.WifiEndpoint, Secret]]:
     """Vehicles with a key: a radio of the gateway joins their access points."""
     for name, vehicle in draft.vehicles.items():
         wifi = vehicle.endpoints.wifi
@@ -27,14 +26,14 @@ def _vehicle_networks(draft: Draft) -> Iterator[tuple[str, WifiEndpoint, Secret]
             yield name, wifi, wifi.key
 
 
-def joined_at_all(draft: Draft) -> Iterator[Finding]:
+def joined_at_all(draft: _draft.Draft) -> Iterator[Finding]:
     """A gateway joins the access point of a vehicle, by its name; nothing else is configured with a key."""
     for name, wifi, key in _vehicle_networks(draft):
-        part = Part("vehicle", name)
-        if wifi.role is not WifiRole.ACCESS_POINT:
+        part = _draft.Part("vehicle", name)
+        if wifi.role is not model.WifiRole.ACCESS_POINT:
             message = f"`{name}` is a station: the key of the site's network is declared at its access point"
             yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `role: access_point`")
-        elif wifi.seen_from is not SeenFrom.GATEWAY:
+        elif wifi.seen_from is not model.SeenFrom.GATEWAY:
             message = f"the access point of `{name}` is joined by the laptop, which nobody configures"
             yield draft.wrong(part, (*_WIFI, "key"), message, "remove `key`, or write `seen_from: gateway`")
         elif wifi.ssid is None:
@@ -45,7 +44,7 @@ def joined_at_all(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (*_WIFI, "key"), message, "write the key that the vehicle has")
 
 
-def not_of_a_location(draft: Draft) -> Iterator[Finding]:
+def not_of_a_location(draft: _draft.Draft) -> Iterator[Finding]:
     """What a site's own row says of its Wi-Fi is how it is looked at, and configures nothing."""
     for name, site in draft.sites.items():
         wifi = site.location.endpoints.wifi
@@ -53,27 +52,27 @@ def not_of_a_location(draft: Draft) -> Iterator[Finding]:
             if wifi is not None and getattr(wifi, key) is not None:
                 message = f"`{key}` is for the access point of a vehicle, and this is the location"
                 path = ("location", "endpoints", "wifi", key)
-                yield draft.wrong(Part("site", name), path, message, f"remove `{key}`")
+                yield draft.wrong(_draft.Part("site", name), path, message, f"remove `{key}`")
 
 
-def told_apart(draft: Draft) -> Iterator[Finding]:
+def told_apart(draft: _draft.Draft) -> Iterator[Finding]:
     """One radio tells the access points that it may join apart by their names."""
     first: dict[tuple[str, str], str] = {}
     for name, wifi, _ in _vehicle_networks(draft):
-        if wifi.ssid is None or wifi.role is not WifiRole.ACCESS_POINT:
+        if wifi.ssid is None or wifi.role is not model.WifiRole.ACCESS_POINT:
             continue
         other = first.setdefault((wifi.interface, wifi.ssid), name)
         if other != name:
-            where = draft.where(Part("vehicle", other), *_WIFI, "ssid")
+            where = draft.where(_draft.Part("vehicle", other), *_WIFI, "ssid")
             message = f"`{wifi.ssid}` is already the access point of `{other}` ({where}), for the same radio"
             hint = "give each access point a name of its own, on the vehicle as well; or another `interface`"
-            yield draft.wrong(Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
+            yield draft.wrong(_draft.Part("vehicle", name), (*_WIFI, "ssid"), message, hint)
 
 
-def addresses(draft: Draft) -> Iterator[Finding]:
+def addresses(draft: _draft.Draft) -> Iterator[Finding]:
     """The gateway's address in the network of a vehicle is one that it can have there, and not the vehicle's."""
     for name, vehicle in draft.vehicles.items():
-        wifi, part = vehicle.endpoints.wifi, Part("vehicle", name)
+        wifi, part = vehicle.endpoints.wifi, _draft.Part("vehicle", name)
         if wifi is None or wifi.client is None:
             continue
         client, path = wifi.client, (*_WIFI, "client")
@@ -92,26 +91,26 @@ def addresses(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, (*_WIFI, "address"), message, "correct this address, or `client.network`")
 
 
-def radios(draft: Draft) -> Iterator[Finding]:
+def radios(draft: _draft.Draft) -> Iterator[Finding]:
     """The radio that joins vehicles is not the interface of the gateway's LAN."""
-    for host, site, gateway in draft.boxes(Gateway):
+    for host, site, gateway in draft.boxes(model.Gateway):
         tested_vehicles = draft.sites[site].checklist.vehicles if site in draft.sites else None
         for name, wifi, _ in _vehicle_networks(draft):
             if wifi.interface in _lan(gateway) and (tested_vehicles is None or name in tested_vehicles):
                 message = f"`{wifi.interface}` is the interface of the LAN at `{host}`, and no radio"
                 hint = "write the name of a radio: `iw dev` on the gateway lists them, like wlan0"
-                yield draft.wrong(Part("vehicle", name), (*_WIFI, "interface"), message, hint)
+                yield draft.wrong(_draft.Part("vehicle", name), (*_WIFI, "interface"), message, hint)
 
 
-def _lan(gateway: Gateway) -> set[str | None]:
+def _lan(gateway: model.Gateway) -> set[str | None]:
     blocks = (gateway.network, gateway.image)
     return {block.interface for block in blocks if block is not None and block.interface is not None}
 
 
-def check_access_point(draft: Draft) -> Iterator[Finding]:
+def check_access_point(draft: _draft.Draft) -> Iterator[Finding]:
     """What hostapd 2.9, of Ubuntu 20.04, can do with one radio, at an address that the gateway can have."""
-    for host, _, gateway in draft.boxes(Gateway):
-        radio, part = gateway.access_point, Part("device", host)
+    for host, _, gateway in draft.boxes(model.Gateway):
+        radio, part = gateway.access_point, _draft.Part("device", host)
         if radio is None:
             continue
         if radio.standard == "802.11ax":
@@ -130,9 +129,9 @@ def check_access_point(draft: Draft) -> Iterator[Finding]:
             yield draft.wrong(part, path, f"{radio.address} {why}", example_in(radio.network))
 
 
-def one_use(draft: Draft) -> Iterator[Finding]:
+def one_use(draft: _draft.Draft) -> Iterator[Finding]:
     """A radio opens a network, or joins others; it is not the interface of the LAN either."""
-    for host, site, gateway in draft.boxes(Gateway):
+    for host, site, gateway in draft.boxes(model.Gateway):
         if gateway.access_point is None:
             continue
         name, path = gateway.access_point.interface, ("access_point", "interface")
@@ -144,10 +143,18 @@ def one_use(draft: Draft) -> Iterator[Finding]:
         ]
         if name in _lan(gateway):
             message = f"`{name}` is the interface of the LAN, and no radio"
-            yield draft.wrong(Part("device", host), path, message, "write the name of a radio, like wlan3")
+            yield draft.wrong(_draft.Part("device", host), path, message, "write the name of a radio, like wlan3")
         elif joins:
             message = f"`{name}` joins the access point of `{joins[0]}`: one radio does not open a network as well"
-            yield draft.wrong(Part("device", host), path, message, "name another radio, here or at the vehicle")
+            yield draft.wrong(_draft.Part("device", host), path, message, "name another radio, here or at the vehicle")
 
 
-RULES: tuple[Rule, ...] = (joined_at_all, not_of_a_location, told_apart, addresses, radios, check_access_point, one_use)
+RULES: tuple[_draft.Rule, ...] = (
+    joined_at_all,
+    not_of_a_location,
+    told_apart,
+    addresses,
+    radios,
+    check_access_point,
+    one_use,
+)

@@ -14,7 +14,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.links.status import BearerFinding, LinkState, Quality
+from atlantis_netcfg.links import status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,9 +91,9 @@ def unmanaged_reading() -> LteReading:
     return LteReading(source="manual")
 
 
-def check_by_hand(address: str) -> BearerFinding:
+def check_by_hand(address: str) -> status.BearerFinding:
     """The finding for a unit without a driver: a person must look at its own page."""
-    return BearerFinding(
+    return status.BearerFinding(
         Verdict.INCONCLUSIVE,
         "look-yourself",
         f"no driver for this 4G unit: a person must look at its own page, http://{address}/ or as its manual says",
@@ -123,23 +123,23 @@ class LteSubscription:
 _REGISTERED_STATES = frozenset({Registration.REGISTERED_HOME, Registration.REGISTERED_ROAMING})
 
 
-def judge(reading: LteReading, subscription: LteSubscription) -> tuple[BearerFinding, ...]:
+def judge(reading: LteReading, subscription: LteSubscription) -> tuple[status.BearerFinding, ...]:
     """Everything that is wrong or worth knowing; empty if the unit is as declared and well heard."""
     if reading.state in _REGISTERED_STATES:
         return tuple(_judge_registered(reading, subscription))
     return (_not_registered(reading, subscription),)
 
 
-def link_state(reading: LteReading) -> LinkState:
+def link_state(reading: LteReading) -> status.LinkState:
     """What the unit itself says of its link; no probe has been sent."""
     if reading.state in _REGISTERED_STATES:
-        return LinkState.UP if reading.address is not None or reading.is_connected else LinkState.UNKNOWN
+        return status.LinkState.UP if reading.address is not None or reading.is_connected else status.LinkState.UNKNOWN
     if reading.state is Registration.SEARCHING:
-        return LinkState.SEARCHING
-    return LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else LinkState.DOWN
+        return status.LinkState.SEARCHING
+    return status.LinkState.UNKNOWN if reading.state is Registration.UNKNOWN else status.LinkState.DOWN
 
 
-def quality(reading: LteReading) -> Quality:
+def quality(reading: LteReading) -> status.Quality:
     """The readings of a `BearerStatus`."""
     return {
         "registration": reading.state.value,
@@ -157,29 +157,29 @@ def quality(reading: LteReading) -> Quality:
     }
 
 
-def _not_registered(reading: LteReading, subscription: LteSubscription) -> BearerFinding:
+def _not_registered(reading: LteReading, subscription: LteSubscription) -> status.BearerFinding:
     if reading.state is Registration.SIM_PIN_REQUIRED:
         return _pin(reading, subscription)
     verdict, code, message, hint = _STATES[reading.state]
     if reading.last_error:
         message = f"{message} (the device says: {reading.last_error})"
-    return BearerFinding(verdict, code, message, hint)
+    return status.BearerFinding(verdict, code, message, hint)
 
 
-def _pin(reading: LteReading, subscription: LteSubscription) -> BearerFinding:
+def _pin(reading: LteReading, subscription: LteSubscription) -> status.BearerFinding:
     tries_text = "" if reading.pin_tries_left is None else f"; tries left: {reading.pin_tries_left}"
     if reading.pin_refused:
         message = f"the SIM has refused the PIN, and it is not tried again{tries_text}"
         hint = "compare `sim.pin` with the SIM's letter; unlock the SIM in a telephone before the next run"
-        return BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
+        return status.BearerFinding(Verdict.FAIL, "pin-wrong", message, hint)
     if not subscription.pin_declared:
         hint = "declare `sim.pin` (vaulted), or switch the PIN of the SIM off in a telephone"
-        return BearerFinding(
+        return status.BearerFinding(
             Verdict.FAIL, "pin-needed", f"the SIM asks for a PIN and none is declared{tries_text}", hint
         )
     message = f"the SIM asks for a PIN; the declared one is tried once, by a run that sets the device{tries_text}"
     hint = "run the site; if a run has tried it already, the PIN is wrong: do not try again before you know it"
-    return BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
+    return status.BearerFinding(Verdict.FAIL, "pin-not-entered", message, hint)
 
 
 _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
@@ -222,7 +222,7 @@ _STATES: dict[Registration, tuple[Verdict, str, str, str]] = {
 }
 
 
-def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+def _judge_registered(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
     yield from _roaming(reading, subscription)
     yield from _apn(reading, subscription)
     yield from _address(reading, subscription)
@@ -234,39 +234,39 @@ def _foreign(reading: LteReading) -> bool:
     return reading.state is Registration.REGISTERED_ROAMING or reading.roaming is True
 
 
-def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+def _roaming(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
     if not _foreign(reading):
         return
     where = reading.operator or reading.plmn or "a foreign network"
     if subscription.roaming:
         message = f"the SIM roams in {where}: data may cost a multiple of the price at home"
-        yield BearerFinding(
+        yield status.BearerFinding(
             Verdict.WARN, "roaming-on", message, "look the price up in the contract before a large transfer"
         )
     else:
         message = f"the SIM is a foreign one in {where}, and roaming is not allowed: registered, but without data"
         hint = "use a SIM of this country, or write `sim.roaming: true` if the contract pays for it"
-        yield BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
+        yield status.BearerFinding(Verdict.FAIL, "roaming-not-allowed", message, hint)
 
 
-def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+def _apn(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
     if subscription.apn is None:
         hint = "declare `sim.apn` as the SIM's contract says"
         if subscription.apn_required:
             message = "a user or password of the subscription is declared, but not the APN they belong to"
-            yield BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
+            yield status.BearerFinding(Verdict.FAIL, "apn-missing", message, hint)
         elif reading.apn is None and reading.address is None and not _foreign(reading):
-            yield BearerFinding(
+            yield status.BearerFinding(
                 Verdict.FAIL, "apn-missing", "no APN is declared and the unit has none of its own", hint
             )
     elif reading.network_apn and reading.apn is None:
         message = f"the unit takes the network's APN, so the declared one, {subscription.apn}, may not be in use"
         hint = "run the site, which switches `use-network-apn` off"
-        yield BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
+        yield status.BearerFinding(Verdict.WARN, "apn-of-the-network", message, hint)
     elif reading.apn is not None and _bare(reading.apn) != _bare(subscription.apn):
         message = f"the APN in use is {reading.apn}, the declared one is {subscription.apn}"
         hint = "run the site to set it; if it stays, the network ignores the declared one: ask the operator"
-        yield BearerFinding(Verdict.WARN, "apn-differs", message, hint)
+        yield status.BearerFinding(Verdict.WARN, "apn-differs", message, hint)
 
 
 def _bare(apn: str) -> str:
@@ -274,15 +274,15 @@ def _bare(apn: str) -> str:
     return re.sub(r"\.mnc\d{3}\.mcc\d{3}\.gprs$", "", apn.casefold())
 
 
-def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+def _address(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
     if reading.address is not None or reading.is_connected or (_foreign(reading) and not subscription.roaming):
         return
     message = "the unit is registered, but the network has given it no address (or it does not say so)"
     hint = "check APN, user and password against the contract, and that the SIM has data left"
-    yield BearerFinding(Verdict.FAIL, "no-address", message, hint)
+    yield status.BearerFinding(Verdict.FAIL, "no-address", message, hint)
 
 
-def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[BearerFinding]:
+def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[status.BearerFinding]:
     allowed_bands = [f"B{number}" for number in subscription.bands]
     if (
         allowed_bands
@@ -291,10 +291,10 @@ def _bands(reading: LteReading, subscription: LteSubscription) -> Iterator[Beare
         and reading.band not in allowed_bands
     ):
         message = f"the band in use is {reading.band}, and the unit is to be held to {', '.join(allowed_bands)}"
-        yield BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
+        yield status.BearerFinding(Verdict.WARN, "band-differs", message, "run the site to set the bands")
 
 
-def _levels(reading: LteReading) -> Iterator[BearerFinding]:
+def _levels(reading: LteReading) -> Iterator[status.BearerFinding]:
     levels = (
         ("rsrp", "RSRP", reading.rsrp_dbm, WEAK_RSRP_DBM, "dBm"),
         ("rsrq", "RSRQ", reading.rsrq_db, WEAK_RSRQ_DB, "dB"),
@@ -303,7 +303,7 @@ def _levels(reading: LteReading) -> Iterator[BearerFinding]:
     for code, name, value, limit, unit in levels:
         if value is not None and value < limit:
             message = f"{name} is {value:g} {unit}, below {limit:g} {unit}"
-            yield BearerFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
+            yield status.BearerFinding(Verdict.WARN, f"weak-{code}", message, _WEAK[code])
 
 
 _WEAK = {

@@ -15,8 +15,8 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.links import status
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
-from atlantis_netcfg.links.status import Query, decibels, yes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -33,22 +33,22 @@ _RSRP_DBM, _RSRQ_DB, _SINR_DB, _RSSI_DBM = (-156.0, -31.0), (-43.0, 20.0), (-23.
 """What 3GPP TS 36.133 and 38.133 can report, and what a modem cannot have measured."""
 
 
-def queries(interface: str = "lte1") -> tuple[Query, Query, Query, Query]:
+def queries(interface: str = "lte1") -> tuple[status.Query, status.Query, status.Query, status.Query]:
     """What to ask a device of version 7, in the order of the first four arguments of `read`.
 
     `monitor` takes no list of properties before 7.21, so that the SIM's numbers cross the wire; `read` drops them.
     """
     return (
         monitor_query(interface),
-        Query("/interface/lte", "print", proplist=_INTERFACE),
-        Query("/interface/lte/apn", "print", proplist=_APN),
-        Query("/ip/address", "print", proplist=_ADDRESS),
+        status.Query("/interface/lte", "print", proplist=_INTERFACE),
+        status.Query("/interface/lte/apn", "print", proplist=_APN),
+        status.Query("/ip/address", "print", proplist=_ADDRESS),
     )
 
 
-def monitor_query(name: str) -> Query:
+def monitor_query(name: str) -> status.Query:
     """The state of the modem that has this name now."""
-    return Query("/interface/lte", "monitor", (("numbers", name), ("once", "")))
+    return status.Query("/interface/lte", "monitor", (("numbers", name), ("once", "")))
 
 
 def modem_name(interfaces: Rows | None, modem: str = "lte1") -> str:
@@ -61,9 +61,9 @@ def _modem(interfaces: Rows | None, modem: str) -> Row:
     return next(matches, {})
 
 
-def log_query() -> Query:
+def log_query() -> status.Query:
     """The log, whose lines tell a missing SIM where the monitor stays silent; large, so only ask it then."""
-    return Query("/log", "print", proplist=("topics", "message"))
+    return status.Query("/log", "print", proplist=("topics", "message"))
 
 
 def redact(row: Row) -> dict[str, str]:
@@ -103,11 +103,11 @@ def read(  # noqa: PLR0913, PLR0917 - one argument for each answer
         rsrp_dbm=_level(monitor_row, "rsrp", _RSRP_DBM, "dBm"),
         rsrq_db=_level(monitor_row, "rsrq", _RSRQ_DB, "dB"),
         sinr_db=_level(monitor_row, "sinr", _SINR_DB, "dB"),
-        rssi_dbm=decibels(monitor_row.get("rssi"), *_RSSI_DBM),
+        rssi_dbm=status.decibels(monitor_row.get("rssi"), *_RSSI_DBM),
         roaming=_roaming(monitor_row),
         address=_address(addresses or (), name),
         apn=_apn_in_use(profile),
-        network_apn=yes(profile.get("use-network-apn")),
+        network_apn=status.yes(profile.get("use-network-apn")),
         pin_refused=True if _WRONG_PIN.search(monitor_row.get("pin-status", "").lower()) else None,
         last_error=error,
     )
@@ -134,7 +134,7 @@ _REGISTRATIONS = (
 
 
 def _state(monitor_row: Row, its_row: Row) -> Registration:
-    if yes(its_row.get("disabled")):
+    if status.yes(its_row.get("disabled")):
         return Registration.DISABLED
     words = [monitor_row.get(name, "").lower() for name in ("registration-status", "status")]
     card = _card(monitor_row.get("pin-status", "").lower(), words)
@@ -143,7 +143,7 @@ def _state(monitor_row: Row, its_row: Row) -> Registration:
     if _RADIO_OFF.search(monitor_row.get("functionality", "").lower()):
         return Registration.DISABLED
     registration = next((state for word in words if (state := _registration(word)) is not None), Registration.UNKNOWN)
-    roams = registration is Registration.REGISTERED_HOME and yes(monitor_row.get("roaming"))
+    roams = registration is Registration.REGISTERED_HOME and status.yes(monitor_row.get("roaming"))
     return Registration.REGISTERED_ROAMING if roams else registration
 
 
@@ -164,7 +164,7 @@ def _registration(word: str) -> Registration | None:
 
 
 def _roaming(monitor_row: Row) -> bool | None:
-    roams = yes(monitor_row.get("roaming"))
+    roams = status.yes(monitor_row.get("roaming"))
     if roams is None and "roaming" in monitor_row.get("registration-status", "").lower():
         return True
     return roams
@@ -187,8 +187,8 @@ def _band(monitor_row: Row) -> str | None:
 
 def _level(monitor_row: Row, name: str, bounds: tuple[float, float], unit: str) -> float | None:
     """Read an LTE level; where the modem is on 5G alone it has only the `nr-` one."""
-    lte = decibels(monitor_row.get(name), *bounds, unit=unit)
-    return decibels(monitor_row.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
+    lte = status.decibels(monitor_row.get(name), *bounds, unit=unit)
+    return status.decibels(monitor_row.get(f"nr-{name}"), *bounds, unit=unit) if lte is None else lte
 
 
 def _profile(its_row: Row, profiles: Rows) -> Row:
@@ -198,7 +198,7 @@ def _profile(its_row: Row, profiles: Rows) -> Row:
 
 def _apn_in_use(profile: Row) -> str | None:
     """Which APN is asked for; which one the network answers with nobody says."""
-    return None if yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
+    return None if status.yes(profile.get("use-network-apn")) is not False else _meaningful(profile.get("apn"))
 
 
 def _address(addresses: Rows, interface: str) -> str | None:
@@ -207,8 +207,8 @@ def _address(addresses: Rows, interface: str) -> str | None:
         for row in addresses
         if row.get("interface") == interface
         and row.get("address")
-        and not yes(row.get("disabled"))
-        and not yes(row.get("invalid"))
+        and not status.yes(row.get("disabled"))
+        and not status.yes(row.get("invalid"))
     ]
     return live[0] if live else None
 

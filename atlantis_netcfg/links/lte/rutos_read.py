@@ -7,8 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.links.lte import rutos_client
 from atlantis_netcfg.links.lte.judge import LteReading, Registration
-from atlantis_netcfg.links.lte.rutos_client import PageMissing, RutosEndpoint, RutosError, RutosLoginError, RutosWire
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -287,29 +287,29 @@ def identities_of(modem: Mapping[str, Any]) -> dict[str, str]:
     return {name: value for name, value in identities.items() if value is not None and value.strip("0")}
 
 
-def read(endpoint: RutosEndpoint) -> RutosLook:
+def read(endpoint: rutos_client.RutosEndpoint) -> RutosLook:
     """Log in, read, and let go.
 
     Raises RutosUnreachable, CertificateUnknown and CertificateChanged (before the password is sent), RutosLoginFailed,
     RutosRefused.
     """
-    wire = RutosWire(endpoint)
+    wire = rutos_client.RutosWire(endpoint)
     try:
         session = _Rest(endpoint, wire)
         try:
             session.log_in()
-        except PageMissing:
+        except rutos_client.PageMissing:
             return _by_ubus(endpoint, wire)
         return _by_rest(endpoint, wire, session)
     finally:
         wire.close()
 
 
-def _by_rest(endpoint: RutosEndpoint, wire: RutosWire, session: _Rest) -> RutosLook:
+def _by_rest(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire, session: _Rest) -> RutosLook:
     modems, *others = READS
     modem = modem_of(session.get(modems))
     if modem is None:
-        raise RutosError(
+        raise rutos_client.RutosError(
             f"{endpoint}: the unit says that it has no modem",
             hint="switch it off and on; a modem that stays away is broken",
         )
@@ -328,7 +328,7 @@ def _sections(rows: object) -> tuple[str, ...]:
 class _Rest:
     """The API of RutOS 7: a token, renewed once when it has run out."""
 
-    def __init__(self, endpoint: RutosEndpoint, wire: RutosWire) -> None:
+    def __init__(self, endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire) -> None:
         self._endpoint = endpoint
         self._wire = wire
         self._token: str | None = None
@@ -342,7 +342,7 @@ class _Rest:
         if answer.status in _FORBIDDEN or (isinstance(answer.body, dict) and answer.body.get("success") is False):
             raise _not_let_in(self._endpoint)
         if not isinstance(token, str) or not token:
-            raise RutosError(
+            raise rutos_client.RutosError(
                 f"{self._endpoint}: the answer to the login is not one of RutOS (HTTP {answer.status})",
                 hint="is this a Teltonika unit? Another make: `driver: manual`",
             )
@@ -356,7 +356,7 @@ class _Rest:
             answer = self._wire.ask("GET", path, token=self._token)
         is_success = isinstance(answer.body, dict) and answer.body.get("success") is True
         if answer.status in _FORBIDDEN or not is_success:
-            raise RutosError(
+            raise rutos_client.RutosError(
                 f"{self._endpoint}: the unit does not give {path} (HTTP {answer.status})",
                 hint=f"user {self._endpoint.user} needs the right to read it: System > Administration > Access control",
             )
@@ -365,7 +365,7 @@ class _Rest:
     def optional(self, path: str) -> Any:  # noqa: ANN401 - JSON of any shape
         """None where this firmware or this user has no such page: a reading does without."""
         answer = None
-        with suppress(PageMissing):
+        with suppress(rutos_client.PageMissing):
             answer = self._wire.ask("GET", path, token=self._token)
         return _data(answer.body) if answer is not None and answer.status not in _FORBIDDEN else None
 
@@ -374,14 +374,14 @@ def _data(body: object) -> Any:  # noqa: ANN401 - JSON of any shape
     return body.get("data") if isinstance(body, dict) else None
 
 
-def _not_let_in(endpoint: RutosEndpoint) -> RutosLoginError:
-    return RutosLoginError(
+def _not_let_in(endpoint: rutos_client.RutosEndpoint) -> rutos_client.RutosLoginError:
+    return rutos_client.RutosLoginError(
         f"{endpoint}: the unit did not accept user {endpoint.user} and the declared password",
         hint="compare `access` in host_vars with the unit; after some wrong passwords RutOS blocks the address",
     )
 
 
-def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
+def _by_ubus(endpoint: rutos_client.RutosEndpoint, wire: rutos_client.RutosWire) -> RutosLook:
     """Firmware without the API: JSON-RPC to ubus, whose field names differ again."""
     who = {"username": endpoint.user, "password": endpoint.password.reveal()}
     code, session = _call(endpoint, wire, _NOBODY, ("session", "login"), who)
@@ -392,7 +392,7 @@ def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
     for target in UBUS_READS:
         code, result = _call(endpoint, wire, token, target, {})
         if code:
-            raise RutosError(
+            raise rutos_client.RutosError(
                 f"{endpoint}: the unit does not give {' '.join(target)} (ubus status {code})",
                 hint=f"may user {endpoint.user} read it, and is there a modem in the unit?",
             )
@@ -403,13 +403,17 @@ def _by_ubus(endpoint: RutosEndpoint, wire: RutosWire) -> RutosLook:
 
 
 def _call(
-    endpoint: RutosEndpoint, wire: RutosWire, session: str, target: tuple[str, str], arguments: dict[str, str]
+    endpoint: rutos_client.RutosEndpoint,
+    wire: rutos_client.RutosWire,
+    session: str,
+    target: tuple[str, str],
+    arguments: dict[str, str],
 ) -> tuple[int, dict[str, Any]]:
     body = {"jsonrpc": "2.0", "id": 1, "method": "call", "params": [session, *target, arguments]}
     try:
         answer = wire.ask("POST", "/ubus", body)
-    except PageMissing as error:
-        raise RutosError(
+    except rutos_client.PageMissing as error:
+        raise rutos_client.RutosError(
             f"{endpoint}: neither the API of RutOS nor ubus answers here",
             hint="is this a Teltonika unit? Another make: `driver: manual`",
         ) from error
@@ -418,6 +422,8 @@ def _call(
         wrong = answer.body.get("error") if isinstance(answer.body, dict) else None
         if isinstance(wrong, dict) and wrong.get("code") == -32002:  # noqa: PLR2004 - "Access denied" of uhttpd's JSON-RPC
             return _PERMISSION_DENIED, {}
-        raise RutosError(f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})")
+        raise rutos_client.RutosError(
+            f"{endpoint}: the answer to {' '.join(target)} is not one of ubus (HTTP {answer.status})"
+        )
     values = result[1] if len(result) > 1 else {}
     return result[0], values if isinstance(values, dict) else {}

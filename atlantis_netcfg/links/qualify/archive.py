@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError, nearest
-from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, MeasuredRun, read_run
+from atlantis_netcfg.links.qualify import measured_run
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import read
 from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, os_errors_as, write_atomically
@@ -32,7 +32,7 @@ class KeptRun:
     """A run and its folder."""
 
     folder: Path
-    run: MeasuredRun
+    run: measured_run.MeasuredRun
 
 
 def folder_of(store: Store, site: str) -> Path:
@@ -46,7 +46,7 @@ def folder_of(store: Store, site: str) -> Path:
 def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]:
     """Give the runs of a site, or of one of its links, oldest first. StateDamaged: a `run.json` cannot be read."""
     folder = folder_of(store, site)
-    places = [path for path in folder.iterdir() if (path / RUN_FILE).is_file()] if folder.is_dir() else []
+    places = [path for path in folder.iterdir() if (path / measured_run.RUN_FILE).is_file()] if folder.is_dir() else []
     runs = [KeptRun(place, _run(place)) for place in places]
     return sorted(
         (item for item in runs if link in {None, item.run.link}), key=lambda item: (item.run.begun, item.run.id)
@@ -56,7 +56,11 @@ def kept_runs(store: Store, site: str, link: str | None = None) -> list[KeptRun]
 def kept_run(store: Store, site: str, run: str) -> KeptRun:
     """Give a run by its name. NoSuchRun, StateDamaged."""
     folder = folder_of(store, site)
-    names = sorted(path.name for path in folder.iterdir() if (path / RUN_FILE).is_file()) if folder.is_dir() else []
+    names = (
+        sorted(path.name for path in folder.iterdir() if (path / measured_run.RUN_FILE).is_file())
+        if folder.is_dir()
+        else []
+    )
     if run not in names:
         option = " --rehearsed" if store.is_rehearsal else ""
         near = nearest(run, names)
@@ -66,9 +70,9 @@ def kept_run(store: Store, site: str, run: str) -> KeptRun:
     return KeptRun(folder / run, _run(folder / run))
 
 
-def _run(folder: Path) -> MeasuredRun:
+def _run(folder: Path) -> measured_run.MeasuredRun:
     try:
-        return read_run(folder)
+        return measured_run.read_run(folder)
     except (OSError, ValueError) as error:
         raise DamagedStateError(
             f"the measurement in {folder} is damaged, or of another version",
@@ -78,7 +82,7 @@ def _run(folder: Path) -> MeasuredRun:
 
 def samples_of(folder: Path) -> list[Sample]:
     """Read the samples of a run; none where it has sent nothing. SamplesUnreadable, StateDamaged."""
-    path = folder / SAMPLES_FILE
+    path = folder / measured_run.SAMPLES_FILE
     try:
         with path.open(encoding="utf-8") as lines:
             return [*read(lines, str(path))]
@@ -90,7 +94,7 @@ def samples_of(folder: Path) -> list[Sample]:
 
 
 def _digest(folder: Path) -> str:
-    path = folder / SAMPLES_FILE
+    path = folder / measured_run.SAMPLES_FILE
     return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
 
 

@@ -16,7 +16,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.links.cost import Bill, Tariff, bill
+from atlantis_netcfg.links import cost
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +51,7 @@ class Budget:
     """IP and UDP headers included, both directions."""
     max_seconds: float | None = None
     max_price: Decimal | None = None
-    tariff: Tariff | None = None
+    tariff: cost.Tariff | None = None
     closing_s: float = 0.0
     """How long answers are awaited after the last packet."""
 
@@ -73,7 +73,7 @@ class Budget:
         if self.max_seconds is not None and lasts > self.max_seconds:
             return BudgetLimit.SECONDS
         if self.max_price is not None:
-            price = bill(size, lasts, self.tariff).price
+            price = cost.bill(size, lasts, self.tariff).price
             if price is None or price > self.max_price:
                 return BudgetLimit.MONEY
         return None
@@ -173,6 +173,6 @@ class BudgetGuard:
         """What was admitted, with answers that have not come: they may still, and a provider may bill them."""
         return self._charged
 
-    def current_bill(self) -> Bill:
+    def current_bill(self) -> cost.Bill:
         """Price what has passed up to now: what was sent, and what came."""
-        return bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)
+        return cost.bill(self.sent_bytes + self.received_bytes, self.seconds, self.budget.tariff)

@@ -12,14 +12,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.links.qualify import search
 from atlantis_netcfg.links.qualify.messages import DEFAULT_PACKET, MessagePlan
-from atlantis_netcfg.links.qualify.reflector.stamp import (
-    ACKNOWLEDGEMENT_SIZE,
-    AUTHENTICATED_SIZE,
-    chunk_room,
-    extended_size,
-)
-from atlantis_netcfg.links.qualify.search import BAND, MAX_LOSS, MIN_BAND_S, MIN_LOST, RateLimit, find_limit
+from atlantis_netcfg.links.qualify.reflector import stamp
 from atlantis_netcfg.links.qualify.session import TrainPlan
 
 if TYPE_CHECKING:
@@ -89,7 +84,7 @@ class RateRow:
 
 def telemetry_plan(octets: int, rate_hz: float, duration_s: float) -> TrainPlan:
     """Give a train of test packets as long as a sample of so many octets and RTPS around it, or as an empty one."""
-    return TrainPlan(max(AUTHENTICATED_SIZE, octets + RTPS_OCTETS), 1 / rate_hz, duration_s)
+    return TrainPlan(max(stamp.AUTHENTICATED_SIZE, octets + RTPS_OCTETS), 1 / rate_hz, duration_s)
 
 
 def image_plan(image: NominalImage, rate_hz: float, duration_s: float) -> MessagePlan:
@@ -105,8 +100,8 @@ def train_bytes(plan: TrainPlan, headers: int) -> int:
 def message_bytes(plan: MessagePlan, headers: int) -> int:
     """Give what authenticated messages put on the wire where nothing is lost, both ways together."""
     packet = min(plan.packet, DEFAULT_PACKET)
-    room = chunk_room(packet, is_authenticated=True)
-    answer = extended_size(is_authenticated=True) + ACKNOWLEDGEMENT_SIZE
+    room = stamp.chunk_room(packet, is_authenticated=True)
+    answer = stamp.extended_size(is_authenticated=True) + stamp.ACKNOWLEDGEMENT_SIZE
     chunks = -(-plan.size // room)
     return plan.messages * (plan.size + chunks * (packet - room + headers) + answer + headers)
 
@@ -123,11 +118,11 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
         verdict, reason = Verdict.INCONCLUSIVE, "nothing was answered"
     elif loss.limited:
         verdict, reason = Verdict.INCONCLUSIVE, "the reflector refused packets for its rate"
-    elif (lossy := max(flr.both if flr.up is None else flr.up, flr.down or 0.0) > MAX_LOSS) and (
-        loss.lost - flr.in_gaps >= MIN_LOST
+    elif (lossy := max(flr.both if flr.up is None else flr.up, flr.down or 0.0) > search.MAX_LOSS) and (
+        loss.lost - flr.in_gaps >= search.MIN_LOST
     ):
         verdict, reason = Verdict.FAIL, "loss"
-    elif rtt.p95 > idle_p50_s + max(MIN_BAND_S, BAND * idle_p50_s):
+    elif rtt.p95 > idle_p50_s + max(search.MIN_BAND_S, search.BAND * idle_p50_s):
         verdict, reason = Verdict.FAIL, "latency"
     elif flr.in_gaps:
         verdict, reason = Verdict.INCONCLUSIVE, GAP
@@ -150,13 +145,13 @@ def telemetry_row(octets: int, rate_hz: float, figures: TrainFigures, idle_p50_s
 
 def image_row(image: NominalImage, rate_hz: float, figures: MessageFigures, idle_latency_s: float) -> RateRow:
     """Judge a stream of the grid as the search for the highest rate does, and by its messages that are not whole."""
-    has_loss = figures.lost_count + figures.unknown >= MIN_LOST and figures.loss > MAX_LOSS
-    limit = RateLimit.LOSS if has_loss else find_limit(figures, idle_latency_s, 0.0)
+    has_loss = figures.lost_count + figures.unknown >= search.MIN_LOST and figures.loss > search.MAX_LOSS
+    limit = search.RateLimit.LOSS if has_loss else search.find_limit(figures, idle_latency_s, 0.0)
     latency = figures.latency
     verdict, reason = Verdict.PASS, "sustained"
     if limit is not None:
         verdict, reason = Verdict.INCONCLUSIVE if latency is None else Verdict.FAIL, limit.value
-    elif figures.loss > MAX_LOSS:
+    elif figures.loss > search.MAX_LOSS:
         verdict, reason = Verdict.INCONCLUSIVE, FEW
     return RateRow(
         image.label,

@@ -14,25 +14,12 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.links.qualify.reflector.stamp import (
-    ACKNOWLEDGEMENT_SIZE,
-    CHUNK,
-    TLV_SIZE,
-    Acknowledgement,
-    MessageChunk,
-    ReflectorPacket,
-    Tlv,
-    chunk_room,
-    extended_size,
-    unix_ns,
-)
-from atlantis_netcfg.links.qualify.samples import MessageResult, StreamEnd
-from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
+from atlantis_netcfg.links.qualify import samples, session
+from atlantis_netcfg.links.qualify.reflector import stamp
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
 
 QUESTIONS: Final = 3
@@ -71,9 +58,9 @@ class MessagePlan:
 
     def due_ns(self, headers: int, *, is_authenticated: bool) -> int:
         """How long after a message the next one begins: not before its packets have left at their pace."""
-        room = chunk_room(self.packet, is_authenticated=is_authenticated)
+        room = stamp.chunk_room(self.packet, is_authenticated=is_authenticated)
         wire = self.size + -(-self.size // room) * (self.packet - room + headers)
-        return round(SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
+        return round(session.SECOND * max(1 / self.rate_hz, 0.0 if self.pace_bps is None else wire * 8 / self.pace_bps))
 
 
 @dataclass(slots=True)
@@ -84,7 +71,7 @@ class _OpenMessage:
     last_sent: int = 0
     chunks_sent: int = 0
     questions: int = 0
-    word: Acknowledgement | None = None
+    word: stamp.Acknowledgement | None = None
     error: int = 1
     queue_length: int = 0
     """How many of its packets are still to be sent."""
@@ -96,9 +83,9 @@ class MessageStream:
 
     name: str
     plan: MessagePlan
-    peer: ReflectorPeer
+    peer: session.ReflectorPeer
     transport: DatagramTransport
-    write: Callable[[Sample], None]
+    write: Callable[[samples.Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
     _origin: int = 0
     _begin: int = 0
@@ -116,7 +103,7 @@ class MessageStream:
     @property
     def chunk_size(self) -> int:
         """How many octets of a message a packet carries. ValueError: the packets are too short for any."""
-        room = chunk_room(self.plan.packet, is_authenticated=self.peer.key is not None)
+        room = stamp.chunk_room(self.plan.packet, is_authenticated=self.peer.key is not None)
         if room < 1:
             raise ValueError(f"packets of {self.plan.packet} octets carry nothing")
         return room
@@ -124,11 +111,11 @@ class MessageStream:
     @property
     def answer_size(self) -> int:
         """The longest answer; a packet that wants one is at least as long."""
-        return self._base_size + ACKNOWLEDGEMENT_SIZE
+        return self._base_size + stamp.ACKNOWLEDGEMENT_SIZE
 
     @property
     def _base_size(self) -> int:
-        return extended_size(is_authenticated=self.peer.key is not None)
+        return stamp.extended_size(is_authenticated=self.peer.key is not None)
 
     def begin(self, origin_ns: int) -> None:
         """As `PacketStream` has it."""
@@ -152,12 +139,12 @@ class MessageStream:
         return min(dues, default=None)
 
     def _starts(self, number: int) -> int:
-        return self._begin + round(number * SECOND / self.plan.rate_hz)
+        return self._begin + round(number * session.SECOND / self.plan.rate_hz)
 
     def _patience(self, message: _OpenMessage) -> int:
-        return round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
+        return round(self.plan.timeout_s * session.SECOND) * max(1, min(message.questions, 4))
 
-    def next_packet(self, now_ns: int) -> Outgoing | None:
+    def next_packet(self, now_ns: int) -> session.Outgoing | None:
         """As `PacketStream` has it."""
         self._start(now_ns)
         self._look(now_ns)
@@ -167,15 +154,15 @@ class MessageStream:
         asks = len(self._queue) == 1 or self._queue[1][0] is not message
         chunk = self._chunk(message, index, asks=asks)
         value = chunk.encode()
-        tlv = Tlv(CHUNK, value.ljust(ACKNOWLEDGEMENT_SIZE - TLV_SIZE, b"\0") if asks else value)
+        tlv = stamp.Tlv(stamp.CHUNK, value.ljust(stamp.ACKNOWLEDGEMENT_SIZE - stamp.TLV_SIZE, b"\0") if asks else value)
         size = self._base_size + len(tlv.encode())
-        return Outgoing((tlv,), size, self.answer_size if asks else 0, self._sequence)
+        return session.Outgoing((tlv,), size, self.answer_size if asks else 0, self._sequence)
 
-    def _chunk(self, message: _OpenMessage, index: int | None, *, asks: bool) -> MessageChunk:
+    def _chunk(self, message: _OpenMessage, index: int | None, *, asks: bool) -> stamp.MessageChunk:
         room, size = self.chunk_size, self.plan.size
         length = 0 if index is None else min(room, size - index * room)
         data = secrets.token_bytes(length)
-        return MessageChunk(message.number, size, index or 0, message.count, asks, data)
+        return stamp.MessageChunk(message.number, size, index or 0, message.count, asks, data)
 
     def _start(self, now_ns: int) -> None:
         while self._started_count < self.plan.messages and self._starts(self._started_count) <= now_ns:
@@ -201,7 +188,7 @@ class MessageStream:
                 heapq.heappush(self._waits, (due, number))
 
     def _ask(self, message: _OpenMessage, now_ns: int) -> None:
-        age_s = (now_ns - message.sent_at) / SECOND
+        age_s = (now_ns - message.sent_at) / session.SECOND
         if age_s >= self.plan.give_up_s or (not self.plan.resend and message.questions >= QUESTIONS):
             self._finish(message)
         else:
@@ -214,7 +201,7 @@ class MessageStream:
             self._queue.append((message, index))
             message.queue_length += 1
 
-    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: session.Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take is missing at the receiver, like what is lost."""
         message, _ = self._queue.popleft()
         message.queue_length -= 1
@@ -228,22 +215,22 @@ class MessageStream:
             self._charge_by_sequence[outgoing.sequence] = outgoing.answer
         pace = self.plan.pace_bps
         wire = (outgoing.size + self.transport.headers) * 8
-        step = 0 if pace is None else round(wire / pace * SECOND)
+        step = 0 if pace is None else round(wire / pace * session.SECOND)
         self._free_at = max(self._free_at + step, now_ns - _LAG_NS) if step else now_ns
 
-    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+    def accept(self, packet: stamp.ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
         charge = self._charge_by_sequence.pop(packet.sender_sequence, 0)
         for tlv in packet.tlvs:
-            if tlv.type == CHUNK and not tlv.flags:
-                word = Acknowledgement.decode(tlv.value)
+            if tlv.type == stamp.CHUNK and not tlv.flags:
+                word = stamp.Acknowledgement.decode(tlv.value)
                 message = self._open.get(word.message)
                 if message is not None:
                     message.word, message.error = word, packet.error
                     self._process_acknowledgement(message, word, arrival.at_ns)
         return charge
 
-    def _process_acknowledgement(self, message: _OpenMessage, word: Acknowledgement, at_ns: int) -> None:
+    def _process_acknowledgement(self, message: _OpenMessage, word: stamp.Acknowledgement, at_ns: int) -> None:
         if not word.missing:
             self._finish(message, at_ns)
         elif self.plan.resend and not message.queue_length:
@@ -259,7 +246,7 @@ class MessageStream:
         if message.sent_at < 0:
             return
         self.write(
-            MessageResult(
+            samples.MessageResult(
                 self.name,
                 message.number,
                 self.plan.size,
@@ -268,8 +255,8 @@ class MessageStream:
                 message.sent_at - self._origin,
                 None if at_ns is None else at_ns - self._origin,
                 None if word is None else word.size,
-                unix_ns(word.first, message.error) if word is not None and has_arrived else None,
-                unix_ns(word.last, message.error) if word is not None and has_arrived else None,
+                stamp.unix_ns(word.first, message.error) if word is not None and has_arrived else None,
+                stamp.unix_ns(word.last, message.error) if word is not None and has_arrived else None,
                 in_flight=in_flight,
                 chunk_size=self.chunk_size,
                 due_ns=self.plan.due_ns(self.transport.headers, is_authenticated=self.peer.key is not None),
@@ -280,4 +267,4 @@ class MessageStream:
         """As `PacketStream` has it."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
-        self.write(StreamEnd(self.name, now_ns - self._origin, reason))
+        self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))

@@ -13,40 +13,25 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.links.qualify import samples, session
 from atlantis_netcfg.links.qualify.messages import QUESTIONS
-from atlantis_netcfg.links.qualify.reflector.stamp import (
-    CHUNK,
-    REQUEST,
-    REQUEST_SIZE,
-    TOKEN_SIZE,
-    MessageChunk,
-    MessageRequest,
-    ReflectorPacket,
-    RequestStatus,
-    Tlv,
-    chunk_room,
-    extended_size,
-    unix_ns,
-)
-from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult, StreamEnd
-from atlantis_netcfg.links.qualify.session import SECOND, Outgoing, ReflectorPeer
+from atlantis_netcfg.links.qualify.reflector import stamp
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from atlantis_netcfg.links.qualify.messages import MessagePlan
-    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
 
-_BASE: Final = extended_size(is_authenticated=True)
-_STATUS_SIZE: Final = _BASE + REQUEST_SIZE
+_BASE: Final = stamp.extended_size(is_authenticated=True)
+_STATUS_SIZE: Final = _BASE + stamp.REQUEST_SIZE
 """Of a request, and of the status that answers it."""
 
 
 def requested_bytes(plan: MessagePlan, headers: int) -> int:
     """Give what requested messages put on the wire where nothing is lost, both ways together, as a preview needs it."""
-    chunks = -(-plan.size // chunk_room(plan.packet, is_authenticated=True))
-    message = plan.size + chunks * (plan.packet - chunk_room(plan.packet, is_authenticated=True) + headers)
+    chunks = -(-plan.size // stamp.chunk_room(plan.packet, is_authenticated=True))
+    message = plan.size + chunks * (plan.packet - stamp.chunk_room(plan.packet, is_authenticated=True) + headers)
     question = _STATUS_SIZE + headers
     return 2 * question + plan.messages * (question + message)
 
@@ -64,7 +49,7 @@ class _AwaitedMessage:
     requests: int = 0
     requested_chunks: int = 0
     """Chunks, each as often as it was requested."""
-    status: RequestStatus | None = None
+    status: stamp.RequestStatus | None = None
     have: set[int] = field(default_factory=set)
     size: int = 0
     first_at: int = 0
@@ -86,9 +71,9 @@ class DownMessageStream:
 
     name: str
     plan: MessagePlan
-    peer: ReflectorPeer
+    peer: session.ReflectorPeer
     transport: DatagramTransport
-    write: Callable[[Sample], None]
+    write: Callable[[samples.Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
     far_rate_bps: float | None = None
     """What the reflector sends to this address at most; None: it has not said so yet."""
@@ -114,7 +99,7 @@ class DownMessageStream:
 
     @property
     def _room(self) -> int:
-        return chunk_room(self.plan.packet, is_authenticated=True)
+        return stamp.chunk_room(self.plan.packet, is_authenticated=True)
 
     @property
     def _chunks(self) -> int:
@@ -151,9 +136,9 @@ class DownMessageStream:
         return min(dues, default=None)
 
     def _starts(self, number: int) -> int:
-        return self._begin + round(number * SECOND / self.plan.rate_hz)
+        return self._begin + round(number * session.SECOND / self.plan.rate_hz)
 
-    def next_packet(self, now_ns: int) -> Outgoing | None:
+    def next_packet(self, now_ns: int) -> session.Outgoing | None:
         """As `PacketStream` has it."""
         while (
             self._token is not None
@@ -170,15 +155,17 @@ class DownMessageStream:
             self._queue.popleft()
         return self._outgoing(self._queue[0], now_ns) if self._queue else None
 
-    def _outgoing(self, request: _ChunkRequest, now_ns: int) -> Outgoing:
-        token = self._token or bytes(TOKEN_SIZE)
+    def _outgoing(self, request: _ChunkRequest, now_ns: int) -> session.Outgoing:
+        token = self._token or bytes(stamp.TOKEN_SIZE)
         plan, number = self.plan, request.message.number
-        value = MessageRequest(number, plan.size, request.first, request.count, plan.packet, self._pace_kbps, token)
-        tlvs = (Tlv(REQUEST, value.encode()),)
+        value = stamp.MessageRequest(
+            number, plan.size, request.first, request.count, plan.packet, self._pace_kbps, token
+        )
+        tlvs = (stamp.Tlv(stamp.REQUEST, value.encode()),)
         brings = sum(map(self._chunk_size, range(request.first, request.first + request.count)))
         answers = max(1, request.count)
-        lasts_s = (self._sends_until(request, now_ns) - now_ns) / SECOND
-        return Outgoing(tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, lasts_s)
+        lasts_s = (self._sends_until(request, now_ns) - now_ns) / session.SECOND
+        return session.Outgoing(tlvs, _STATUS_SIZE, max(_STATUS_SIZE, brings), self._sequence, answers, lasts_s)
 
     def _sends_until(self, request: _ChunkRequest, now_ns: int) -> int:
         """When the reflector has sent it, without what the link makes of that."""
@@ -186,7 +173,7 @@ class DownMessageStream:
         pace = self._pace_kbps * 1000 or self.far_rate_bps
         if self.far_rate_bps is not None and pace is not None:
             pace = min(pace, self.far_rate_bps)
-        lasts = round(octets * 8 / pace * SECOND) if pace else 0
+        lasts = round(octets * 8 / pace * session.SECOND) if pace else 0
         return max(self._far_free_at, now_ns) + lasts if request.count else now_ns
 
     def _put(self, request: _ChunkRequest) -> None:
@@ -195,7 +182,7 @@ class DownMessageStream:
 
     def _look(self, message: _AwaitedMessage, now_ns: int) -> None:
         """Its time is up: ask for it, for what is missing of it, or give it up."""
-        age_s = (now_ns - message.asked_at) / SECOND
+        age_s = (now_ns - message.asked_at) / session.SECOND
         if self._token is None or self.plan.resend:
             ends = age_s >= self.plan.give_up_s
         else:
@@ -211,7 +198,7 @@ class DownMessageStream:
             message.questions += 1
             self._put(_ChunkRequest(message))
 
-    def mark_sent(self, outgoing: Outgoing, now_ns: int, error: str) -> None:
+    def mark_sent(self, outgoing: session.Outgoing, now_ns: int, error: str) -> None:
         """As `PacketStream` has it. What this computer did not take brings nothing, like what is lost."""
         del error
         request = self._queue.popleft()
@@ -226,23 +213,23 @@ class DownMessageStream:
         self._requests[outgoing.sequence] = request
         self._sequence += 1
         if not any(waiting.message is message for waiting in self._queue):
-            patience = round(self.plan.timeout_s * SECOND) * max(1, min(message.questions, 4))
+            patience = round(self.plan.timeout_s * session.SECOND) * max(1, min(message.questions, 4))
             message.until = until + patience
 
-    def accept(self, packet: ReflectorPacket, arrival: Arrival) -> int:
+    def accept(self, packet: stamp.ReflectorPacket, arrival: Arrival) -> int:
         """As `PacketStream` has it."""
         charge = 0
         request = self._requests[packet.sender_sequence]
         for tlv in packet.tlvs:
-            if tlv.type == CHUNK and not tlv.flags:
-                chunk = MessageChunk.decode(tlv.value)
+            if tlv.type == stamp.CHUNK and not tlv.flags:
+                chunk = stamp.MessageChunk.decode(tlv.value)
                 is_asked = request.first <= chunk.index < request.first + request.count
                 if is_asked and self._is_first(packet.sender_sequence, chunk.index):
                     charge = self._chunk_size(chunk.index)
-                    self._take(request.message, chunk, arrival.at_ns, unix_ns(packet.timestamp, packet.error))
-            elif tlv.type == REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
+                    self._take(request.message, chunk, arrival.at_ns, stamp.unix_ns(packet.timestamp, packet.error))
+            elif tlv.type == stamp.REQUEST and not tlv.flags and self._is_first(packet.sender_sequence, -1):
                 charge = _STATUS_SIZE
-                self._accept_status(request, RequestStatus.decode(tlv.value))
+                self._accept_status(request, stamp.RequestStatus.decode(tlv.value))
         return charge
 
     def _is_first(self, sequence: int, index: int) -> bool:
@@ -250,7 +237,7 @@ class DownMessageStream:
         self._accepted_chunks.add((sequence, index))
         return is_first
 
-    def _accept_status(self, request: _ChunkRequest, status: RequestStatus) -> None:
+    def _accept_status(self, request: _ChunkRequest, status: stamp.RequestStatus) -> None:
         self.far_rate_bps = status.rate_kbps * 1000.0
         now = self.transport.now_ns()
         message = request.message
@@ -268,7 +255,7 @@ class DownMessageStream:
         if not message.size and is_patient and (was_lost or not status.sent_chunks):
             self._put(_ChunkRequest(message, 0, self._chunks))
 
-    def _take(self, message: _AwaitedMessage, chunk: MessageChunk, at_ns: int, far_sent_ns: int) -> None:
+    def _take(self, message: _AwaitedMessage, chunk: stamp.MessageChunk, at_ns: int, far_sent_ns: int) -> None:
         if message.number not in self._open or chunk.index in message.have:
             return
         if not message.size:
@@ -280,7 +267,7 @@ class DownMessageStream:
         if len(message.have) == self._chunks:
             self._finish(message)
         elif message.until < 1 << 62:
-            message.until = max(message.until, at_ns + round(self.plan.timeout_s * SECOND))
+            message.until = max(message.until, at_ns + round(self.plan.timeout_s * session.SECOND))
 
     def _finish(self, message: _AwaitedMessage, *, in_flight: bool = False) -> None:
         del self._open[message.number]
@@ -293,7 +280,7 @@ class DownMessageStream:
         to_unix = self.transport.unix_ns() - self.transport.now_ns()
         is_known = message.size > 0 or (message.status is not None and message.status.sent_chunks > 0)
         self.write(
-            MessageResult(
+            samples.MessageResult(
                 self.name,
                 message.number,
                 self.plan.size,
@@ -305,7 +292,7 @@ class DownMessageStream:
                 message.first_at + to_unix if message.size else None,
                 message.last_at + to_unix if message.size else None,
                 in_flight=in_flight,
-                direction=MessageDirection.DOWN,
+                direction=samples.MessageDirection.DOWN,
                 chunk_size=self._room,
                 far_rate_bps=self.far_rate_bps,
                 due_ns=self._due_ns,
@@ -317,7 +304,7 @@ class DownMessageStream:
         """As `PacketStream` has it. What was requested still comes, although nobody counts it any more."""
         for message in [*self._open.values()]:
             self._finish(message, in_flight=True)
-        self.write(StreamEnd(self.name, now_ns - self._origin, reason))
+        self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))
 
 
 def _ranges(indexes: list[int]) -> list[tuple[int, int]]:

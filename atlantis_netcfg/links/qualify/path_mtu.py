@@ -12,21 +12,7 @@ import secrets
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.links.qualify.reflector.stamp import (
-    ACKNOWLEDGEMENT_SIZE,
-    CHUNK,
-    TLV_SIZE,
-    BadPacket,
-    MessageChunk,
-    SenderPacket,
-    Tlv,
-    Tlvs,
-    decode_reflector,
-    error_estimate,
-    extended_size,
-    ntp,
-    padding,
-)
+from atlantis_netcfg.links.qualify.reflector import stamp
 
 if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.budget import BudgetGuard
@@ -98,8 +84,8 @@ class _MtuProbe:
         return any(self._probe(size, wait_s, up_only=up_only) for _ in range(_TRIES))
 
     def _short(self) -> int:
-        base = extended_size(is_authenticated=self.peer.key is not None)
-        return base + ACKNOWLEDGEMENT_SIZE + self.headers
+        base = stamp.extended_size(is_authenticated=self.peer.key is not None)
+        return base + stamp.ACKNOWLEDGEMENT_SIZE + self.headers
 
     def _probe(self, size: int, wait_s: float, *, up_only: bool) -> bool:
         payload = size - self.headers
@@ -107,8 +93,8 @@ class _MtuProbe:
         answer = self._short() - self.headers if up_only else payload
         if not self.guard.admit(payload, answer):
             raise _OutOfBudget
-        error = error_estimate(self.peer.clock_error_s, is_synced=self.peer.is_synchronised)
-        packet = SenderPacket(self.sequence, ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
+        error = stamp.error_estimate(self.peer.clock_error_s, is_synced=self.peer.is_synchronised)
+        packet = stamp.SenderPacket(self.sequence, stamp.ntp(self.transport.unix_ns()), error, self.session_id, tlvs)
         self.sequence += 1
         now = self.transport.now_ns()
         self._pending_probes[packet.sequence] = (size, up_only, answer, now)
@@ -116,8 +102,8 @@ class _MtuProbe:
         send_error = self.transport.send(packet.encode(self.peer.key))
         while not send_error and (arrival := self.transport.receive(end)) is not None:
             try:
-                reply = decode_reflector(arrival.datagram, self.peer.key)
-            except BadPacket:
+                reply = stamp.decode_reflector(arrival.datagram, self.peer.key)
+            except stamp.BadPacket:
                 self.guard.count(len(arrival.datagram), 0)
                 continue
             is_ours = reply.session_id in {self.session_id, 0}
@@ -129,12 +115,12 @@ class _MtuProbe:
                     return up_only or len(arrival.datagram) == payload
         return False
 
-    def _extensions(self, payload: int, *, up_only: bool) -> Tlvs:
+    def _extensions(self, payload: int, *, up_only: bool) -> stamp.Tlvs:
         if not up_only:
-            return padding(payload, is_authenticated=self.peer.key is not None)
-        base = extended_size(is_authenticated=self.peer.key is not None)
-        chunk = MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
-        return (Tlv(CHUNK, chunk.ljust(payload - base - TLV_SIZE, b"\0")),)
+            return stamp.padding(payload, is_authenticated=self.peer.key is not None)
+        base = stamp.extended_size(is_authenticated=self.peer.key is not None)
+        chunk = stamp.MessageChunk(0, 0, 0, 1, acknowledge=True).encode()
+        return (stamp.Tlv(stamp.CHUNK, chunk.ljust(payload - base - stamp.TLV_SIZE, b"\0")),)
 
 
 def path_mtu(  # noqa: PLR0913 - each has its name where it is given

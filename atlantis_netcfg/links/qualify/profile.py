@@ -20,15 +20,9 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.links.qualify import responses
+from atlantis_netcfg.links.qualify import measured_run, responses
 from atlantis_netcfg.links.qualify.figures import percentile
-from atlantis_netcfg.links.qualify.measured_run import RUN_FILE, SAMPLES_FILE, read_run
-from atlantis_netcfg.links.qualify.reflector.stamp import (
-    AUTHENTICATED_SIZE,
-    CHUNK_HEADER_SIZE,
-    HMAC_TLV_SIZE,
-    is_synchronised,
-)
+from atlantis_netcfg.links.qualify.reflector import stamp
 from atlantis_netcfg.links.qualify.samples import (
     CounterSample,
     MessageResult,
@@ -43,7 +37,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
-    from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.links.qualify.responses import AnsweredPacket, Silence
     from atlantis_netcfg.links.qualify.samples import Sample
 
@@ -115,7 +108,7 @@ class LinkProfile(ProfilePart):
     gaps: tuple[ProfileGap, ...]
 
 
-def profile_of(run: MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
+def profile_of(run: measured_run.MeasuredRun, samples: Iterable[Sample]) -> LinkProfile:
     """Make the profile of a run. NoProfile: its train is missing, or too little of it was answered."""
     all_samples = [*samples]
     idle = [sample for sample in all_samples if sample.stream == IDLE]
@@ -190,7 +183,7 @@ def _delays(begin: TrainBegan, pairs: Sequence[AnsweredPacket]) -> tuple[dict[in
     up = [(pair.received_ns - begin.begin_ns - (pair.sent_at_ns - begin.begin_at_ns)) / _SECOND for pair in pairs]
     down = [(pair.arrived_at_ns - begin.begin_at_ns - (pair.replied_ns - begin.begin_ns)) / _SECOND for pair in pairs]
     numbers = [pair.sequence for pair in pairs]
-    if begin.synchronised and all(is_synchronised(pair.error) for pair in pairs) and min(*up, *down) > 0:
+    if begin.synchronised and all(stamp.is_synchronised(pair.error) for pair in pairs) and min(*up, *down) > 0:
         return dict(zip(numbers, up, strict=True)), dict(zip(numbers, down, strict=True)), "by both clocks"
     drift = _drift([pair.sent_at_ns / _SECOND for pair in pairs], [(u - d) / 2 for u, d in zip(up, down, strict=True)])
     up = [value - drift * pair.sent_at_ns / _SECOND for value, pair in zip(up, pairs, strict=True)]
@@ -258,7 +251,7 @@ def _rate(samples: Sequence[Sample], stream: str, headers: int) -> float | None:
     if figures is None or figures.busy_bps is None or figures.is_bounded:
         return None
     payload = figures.size / figures.chunks
-    overhead = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + CHUNK_HEADER_SIZE + headers
+    overhead = stamp.AUTHENTICATED_SIZE + stamp.HMAC_TLV_SIZE + stamp.CHUNK_HEADER_SIZE + headers
     return figures.busy_bps * (payload + overhead) / payload
 
 
@@ -272,9 +265,9 @@ def read_profile(path: Path) -> LinkProfile:
     file = path / PROFILE_FILE if path.is_dir() else path
     try:
         if path.is_dir() and not file.is_file():
-            run = read_run(path)
-            with (path / SAMPLES_FILE).open(encoding="utf-8") as lines:
-                profile = profile_of(run, read(lines, str(path / SAMPLES_FILE)))
+            run = measured_run.read_run(path)
+            with (path / measured_run.SAMPLES_FILE).open(encoding="utf-8") as lines:
+                profile = profile_of(run, read(lines, str(path / measured_run.SAMPLES_FILE)))
             write_profile(path, profile)
             return profile
         profile = LinkProfile.model_validate_json(file.read_text(encoding="utf-8"))
@@ -283,7 +276,8 @@ def read_profile(path: Path) -> LinkProfile:
     except (OSError, ValueError) as error:
         raise NoProfile(
             f"{path} holds no measured run that can be replayed",
-            hint=f"name the folder of a run ({RUN_FILE}, {SAMPLES_FILE}), or its {PROFILE_FILE}",
+            hint=f"name the folder of a run ({measured_run.RUN_FILE}, {measured_run.SAMPLES_FILE}),"
+            f" or its {PROFILE_FILE}",
         ) from error
     if profile.version != VERSION:
         raise NoProfile(f"{file} is of version {profile.version}, and this program reads {VERSION}")

@@ -17,22 +17,12 @@ from pydantic import BaseModel, ConfigDict
 
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.links.cost import bill
+from atlantis_netcfg.links.qualify import grids, judgement, search
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS
 from atlantis_netcfg.links.qualify.figures import Percentiles, TrainFigures, train_figures
-from atlantis_netcfg.links.qualify.grids import (
-    IMAGES,
-    SHAPE_UNKNOWN,
-    RateRow,
-    image_row,
-    message_bytes,
-    telemetry_row,
-    train_bytes,
-)
-from atlantis_netcfg.links.qualify.judgement import Judgement, QualifyProfile, judge
 from atlantis_netcfg.links.qualify.measured_run import MeasuredRun, Selection
 from atlantis_netcfg.links.qualify.messages import MessagePlan
 from atlantis_netcfg.links.qualify.samples import StreamEnd, TrainBegan
-from atlantis_netcfg.links.qualify.search import RateLimit, sustained_rate
 from atlantis_netcfg.links.qualify.session import EndReason, TrainPlan
 from atlantis_netcfg.links.qualify.transfers import message_figures
 
@@ -40,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from atlantis_netcfg.links.qualify.samples import Sample
-    from atlantis_netcfg.links.qualify.search import SustainedRate
     from atlantis_netcfg.links.qualify.transfers import MessageFigures
 
 VERSION: Final = 1
@@ -57,7 +46,7 @@ _NO_REFERENCE: Final = "nothing without load was measured to compare with"
 
 
 @dataclass(frozen=True, slots=True)
-class MeasuredRate(RateRow):
+class MeasuredRate(grids.RateRow):
     """A size at a rate, as `grids` judges it."""
 
     mb_per_hour: float
@@ -107,7 +96,7 @@ class HighestRate:
     label: str
     rate_hz: float | None
     """None: not even the first one, or nothing was seen."""
-    limited_by: RateLimit
+    limited_by: search.RateLimit
     proved: bool
     """A higher rate was seen to fail."""
     reference_s: float
@@ -128,7 +117,7 @@ class QualifyRecord(BaseModel):
     run: MeasuredRun
     thresholds_name: str
     """Those of the verdicts here; the run's own stand in `run`."""
-    thresholds: QualifyProfile
+    thresholds: judgement.QualifyProfile
     idle: TrainFigures | None
     """None: the run has no train without load."""
     under_load: TrainFigures | None
@@ -138,12 +127,12 @@ class QualifyRecord(BaseModel):
     telemetry: tuple[MeasuredRate, ...]
     images: tuple[MeasuredRate, ...]
     highest_rates: tuple[HighestRate, ...]
-    grid_note: str = SHAPE_UNKNOWN
+    grid_note: str = grids.SHAPE_UNKNOWN
     wire_bytes: int
     """Sent and received, by this computer's count; the router's stands in `run.counts`."""
     mb_per_hour: float | None
     """Of the run itself; that of a size at a rate stands in its row."""
-    judgements: tuple[Judgement, ...]
+    judgements: tuple[judgement.Judgement, ...]
     """Against the thresholds, by the figures without load, and under load where that was to be measured."""
     verdict: Verdict
     """The worst of the judgements, `load` and `run.way`; INCONCLUSIVE without a judgement, and of a run cut short."""
@@ -153,7 +142,7 @@ def make_record(
     run: MeasuredRun,
     samples: Iterable[Sample],
     digest: str = "",
-    thresholds: tuple[str, QualifyProfile] | None = None,
+    thresholds: tuple[str, judgement.QualifyProfile] | None = None,
 ) -> QualifyRecord:
     """Make the figures. `digest`: SHA-256 of the samples; `thresholds`: other ones than the run's, with their name."""
     streams: dict[str, list[Sample]] = defaultdict(list)
@@ -166,7 +155,7 @@ def make_record(
     )
     idle, under_load = trains.get("idle"), trains.get("loaded")
     name, limits = thresholds or (run.thresholds_name, run.thresholds)
-    judgements = tuple(judge(idle, limits, under_load, messages.get("load up"))) if idle is not None else ()
+    judgements = tuple(judgement.judge(idle, limits, under_load, messages.get("load up"))) if idle is not None else ()
     load = tuple(run_streams.load())
     if run.selection not in _WITH_LOAD:
         judgements = tuple(item for item in judgements if not item.criterion.startswith(_UNDER_LOAD))
@@ -242,19 +231,19 @@ class _RunStreams:
         for name, figures in self.trains.items():
             if (match := _TELEMETRY.fullmatch(name)) is not None:
                 octets, rate_hz = int(match[1]), float(match[2])
-                row = telemetry_row(octets, rate_hz, figures, reference or 0.0)
+                row = grids.telemetry_row(octets, rate_hz, figures, reference or 0.0)
                 plan = TrainPlan(figures.size, 1 / rate_hz, _HOUR_S)
-                yield self._grid_row(name, row, reference, train_bytes(plan, self.headers))
+                yield self._grid_row(name, row, reference, grids.train_bytes(plan, self.headers))
 
     def images(self) -> Iterable[MeasuredRate]:
-        image_by_label = {image.label: image for image in IMAGES}
+        image_by_label = {image.label: image for image in grids.IMAGES}
         for name, figures in self.messages.items():
             if (match := _IMAGE.fullmatch(name)) is not None and match[1] in image_by_label:
                 rate_hz, reference = float(match[2]), self._reference(figures.size)
-                row = image_row(image_by_label[match[1]], rate_hz, figures, reference or 0.0)
+                row = grids.image_row(image_by_label[match[1]], rate_hz, figures, reference or 0.0)
                 yield self._grid_row(name, row, reference, self._message_bytes(figures.size, rate_hz))
 
-    def _grid_row(self, name: str, row: RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
+    def _grid_row(self, name: str, row: grids.RateRow, reference: float | None, hour_bytes: int) -> MeasuredRate:
         """Nothing passes that was compared with nothing, or that has not run to its end."""
         reason = self.reasons[name]
         if row.verdict is not Verdict.INCONCLUSIVE and reference is None:
@@ -268,7 +257,7 @@ class _RunStreams:
         return None if tariff is None else bill(hour_bytes, _HOUR_S, tariff).price
 
     def _message_bytes(self, size: int, rate_hz: float) -> int:
-        return message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
+        return grids.message_bytes(MessagePlan(size, rate_hz, _HOUR_S), self.headers)
 
     def _reference(self, size: int) -> float | None:
         """Median latency of a message without load: of single ones, else the least median of all rates of this size."""
@@ -305,7 +294,7 @@ class _RunStreams:
             # The names of streams have six digits of a rate.
             return next((figures for rate, figures in windows.items() if isclose(rate, rate_hz, rel_tol=1e-4)), None)
 
-        search_result = sustained_rate(
+        search_result = search.sustained_rate(
             first.size,
             find_window,
             idle_latency_s=reference,
@@ -313,10 +302,10 @@ class _RunStreams:
             first_hz=min(windows),
         )
         limited_by = search_result.limited_by
-        if limited_by is RateLimit.BUDGET and self.run.reason == EndReason.DONE:
-            limited_by = RateLimit.HIGHEST
+        if limited_by is search.RateLimit.BUDGET and self.run.reason == EndReason.DONE:
+            limited_by = search.RateLimit.HIGHEST
         hour_bytes = None if search_result.rate_hz is None else self._message_bytes(first.size, search_result.rate_hz)
-        label = next((image.label for image in IMAGES if image.octets == first.size), f"{first.size} B")
+        label = next((image.label for image in grids.IMAGES if image.octets == first.size), f"{first.size} B")
         return HighestRate(
             first.size,
             label,
@@ -330,7 +319,7 @@ class _RunStreams:
         )
 
 
-def _steps(result: SustainedRate) -> Iterable[RateStep]:
+def _steps(result: search.SustainedRate) -> Iterable[RateStep]:
     for window in result.windows:
         figures = window.figures
         if figures is not None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, Protocol
 
+from atlantis_netcfg.links.qualify import samples
 from atlantis_netcfg.links.qualify.reflector.stamp import (
     COUNTERS,
     BadPacket,
@@ -25,13 +26,11 @@ from atlantis_netcfg.links.qualify.reflector.stamp import (
     padding,
     unix_ns,
 )
-from atlantis_netcfg.links.qualify.samples import CounterSample, PacketSent, ReplySample, StreamEnd, TrainBegan
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.links.qualify.budget import BudgetGuard
-    from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
 
 SECOND: Final = 1_000_000_000
@@ -128,7 +127,7 @@ class Train:
     plan: TrainPlan
     peer: ReflectorPeer
     transport: DatagramTransport
-    write: Callable[[Sample], None]
+    write: Callable[[samples.Sample], None]
     session_id: int = field(default_factory=lambda: secrets.randbelow(65535) + 1)
     _origin: int = 0
     _begin: int | None = None
@@ -145,7 +144,7 @@ class Train:
         self._origin, self._begin, self._next = origin_ns, now, now
         plan, peer = self.plan, self.peer
         self.write(
-            TrainBegan(
+            samples.TrainBegan(
                 self.name,
                 now - origin_ns,
                 self.transport.unix_ns(),
@@ -181,7 +180,7 @@ class Train:
         """As `PacketStream` has it."""
         plan = self.plan
         if self._number < plan.packets:
-            self.write(PacketSent(self.name, outgoing.sequence, now_ns - self._origin, error))
+            self.write(samples.PacketSent(self.name, outgoing.sequence, now_ns - self._origin, error))
             self._number += 1
             step = round(plan.interval_s * SECOND)
             # A computer that was busy for longer than a step does not send what it missed in one burst.
@@ -203,7 +202,7 @@ class Train:
             self._accept_counters(packet)
             return 0 if is_copy else len(arrival.datagram)
         self.write(
-            ReplySample(
+            samples.ReplySample(
                 self.name,
                 sequence,
                 arrival.at_ns - self._origin,
@@ -223,7 +222,7 @@ class Train:
                 self._has_counters, self._has_ended = True, True
                 counters = ReflectorCounters.decode(tlv.value)
                 self.write(
-                    CounterSample(
+                    samples.CounterSample(
                         self.name,
                         counters.received_count,
                         counters.duplicates,
@@ -234,7 +233,7 @@ class Train:
 
     def end(self, now_ns: int, reason: str) -> None:
         """As `PacketStream` has it."""
-        self.write(StreamEnd(self.name, now_ns - self._origin, reason))
+        self.write(samples.StreamEnd(self.name, now_ns - self._origin, reason))
 
 
 def run(

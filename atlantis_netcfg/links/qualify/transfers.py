@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from statistics import fmean, linear_regression, median
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.links.qualify.figures import percentile, percentiles
+from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.samples import MessageDirection, MessageResult
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from atlantis_netcfg.links.qualify.figures import Percentiles
     from atlantis_netcfg.links.qualify.samples import Sample
 
 _SECOND: Final = 1_000_000_000
@@ -38,7 +37,7 @@ class MessageFigures:
     unknown: int
     """Not one word of the receiver came: they may have arrived."""
     lost_count: int
-    latency: Percentiles | None
+    latency: figures.Percentiles | None
     """From the first `send` to the receiver's word that it has the last octet; down: from the request to that octet."""
     receiver_bps: float | None
     """Goodput by the receiver's count and clock, from the first octet of all messages to the last. None: too little."""
@@ -99,7 +98,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
     unknown = sum(1 for message in results if not message.in_flight and message.received_size is None)
     delays = [(m.sent_at_ns / _SECOND, (m.last_ns - m.sent_at_ns) / _SECOND) for m in ended_ones if m.last_ns]
     least = min((delay for _, delay in delays), default=0.0)
-    above = percentiles(delay - least for _, delay in delays)
+    above = figures.percentiles(delay - least for _, delay in delays)
     stretch, stretch_error = _stretch(delays)
     offered_bps, planned_bps = _offered_bps(results)
     return MessageFigures(
@@ -110,7 +109,7 @@ def message_figures(samples: Iterable[Sample], stream: str) -> MessageFigures | 
         in_flight=in_flight,
         unknown=unknown,
         lost_count=len(results) - len(whole) - in_flight - unknown,
-        latency=percentiles(_latencies(whole)),
+        latency=figures.percentiles(_latencies(whole)),
         receiver_bps=_receiver_bps(results),
         busy_bps=_busy_bps(results),
         packets=sum(message.chunks for message in ended_ones),
@@ -162,7 +161,7 @@ def _busy_bps(results: Sequence[MessageResult]) -> float | None:
         for message in results
         if message.first_ns and message.last_ns and message.received_size and message.last_ns > message.first_ns
     )
-    return percentile(rates, 0.5) if rates else None
+    return figures.percentile(rates, 0.5) if rates else None
 
 
 def _first_chunk(message: MessageResult) -> int:

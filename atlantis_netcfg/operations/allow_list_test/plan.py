@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, NoMatchError
 from atlantis_netcfg.core.packets import ECHO_BYTES
-from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Pilot, Transport
-from atlantis_netcfg.inventory.satellite_allow_list import NTP_PORT, VPN_TARGET, allowed_targets, far_end
+from atlantis_netcfg.inventory import model, satellite_allow_list
+from atlantis_netcfg.links import satellite
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES
-from atlantis_netcfg.links.satellite import ExpectedOutcome, NamedTarget, SatelliteProbe
 from atlantis_netcfg.links.standing_traffic import NTP_BYTES
 from atlantis_netcfg.routeros.api import Command, Reply
 
@@ -27,11 +26,15 @@ MARK = "atlantis: for a proof, taken back after it"
 """Comment of the rows, by which a person would know them."""
 BUDGET_BYTES = 20_000
 """What a proof may send and receive over the satellite, counted by the router's own port counters."""
-_ROUND_BYTES = {SatelliteProbe.ICMP: 2 * ECHO_BYTES, SatelliteProbe.TCP: 180, SatelliteProbe.TIME: 2 * NTP_BYTES}
+_ROUND_BYTES = {
+    satellite.SatelliteProbe.ICMP: 2 * ECHO_BYTES,
+    satellite.SatelliteProbe.TCP: 180,
+    satellite.SatelliteProbe.TIME: 2 * NTP_BYTES,
+}
 """A round of 5 s: half a TCP connection of about six segments of 60 bytes, or one question for the time."""
 VPN_BYTES = 6 * 600
 """Questions to the VPN server: 390 bytes, and an answer that comes twice where the server keeps the session."""
-TEMPORARY_ROWS = (SatelliteProbe.TCP, SatelliteProbe.TIME, SatelliteProbe.VPN)
+TEMPORARY_ROWS = (satellite.SatelliteProbe.TCP, satellite.SatelliteProbe.TIME, satellite.SatelliteProbe.VPN)
 """What can only be tried with rows on the router for a moment."""
 _READ, _READ_TARGET, _READ_LINK = 1_800, 350, 350
 """Bytes of one reading of the counters above TLS, question and answer: rules of each target, routes of each link.
@@ -57,26 +60,28 @@ class Task:
     address: str
     port: int | None
     transport: str
-    expectation: ExpectedOutcome
-    probe: SatelliteProbe
+    expectation: satellite.ExpectedOutcome
+    probe: satellite.SatelliteProbe
     why_not: str = ""
     """Why there is no way; of probe `none` only."""
     hint: str = ""
     """What makes a way."""
 
 
-def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
+def tasks(pilot: model.Pilot, bearer: model.Bearer, *, active: bool, try_all: bool = False) -> tuple[Task, ...]:
     """What is to be tried over a satellite link; `active`: whether it carries the site's traffic now.
 
     `try_all`: rows may be added to the router for a moment. The far end of measurements is left to `provision qualify`:
     it answers nobody who has no key, and a router has none.
     """
     how = _How(pilot, bearer.name, active, try_all)
-    far_target = far_end(pilot)
+    far_target = satellite_allow_list.far_end(pilot)
     allowed_tasks = (
-        _task(target, ExpectedOutcome.REACHED, how) for target in allowed_targets(pilot, bearer) if target != far_target
+        _task(target, satellite.ExpectedOutcome.REACHED, how)
+        for target in satellite_allow_list.allowed_targets(pilot, bearer)
+        if target != far_target
     )
-    blocked_tasks = (_task(target, ExpectedOutcome.REFUSED, how) for target in bearer.refused_probes)
+    blocked_tasks = (_task(target, satellite.ExpectedOutcome.REFUSED, how) for target in bearer.refused_probes)
     return (*allowed_tasks, *blocked_tasks)
 
 
@@ -84,7 +89,7 @@ def tasks(pilot: Pilot, bearer: Bearer, *, active: bool, try_all: bool = False) 
 class _How:
     """What decides by which way a target is tried."""
 
-    pilot: Pilot
+    pilot: model.Pilot
     link: str
     active: bool
     try_all: bool
@@ -99,14 +104,14 @@ class _How:
             )
         return ""
 
-    def elsewhere(self, target: AllowedTarget) -> bool:
+    def elsewhere(self, target: model.AllowedTarget) -> bool:
         """Whether the router would send to it over another link."""
         return target.address == self.pilot.vpn.endpoint and not self.active
 
-    def tells_time(self, target: AllowedTarget) -> bool:
+    def tells_time(self, target: model.AllowedTarget) -> bool:
         """Whether it is a time server of the pilot."""
         servers = {server.address for server in self.pilot.time_servers}
-        return target.port == NTP_PORT and target.address in servers
+        return target.port == satellite_allow_list.NTP_PORT and target.address in servers
 
 
 def expected_bytes(all_tasks: tuple[Task, ...], rounds: int) -> int:
@@ -116,7 +121,7 @@ def expected_bytes(all_tasks: tuple[Task, ...], rounds: int) -> int:
 
 def reading_bytes(all_tasks: tuple[Task, ...], links: int) -> int:
     """What one reading of the counters carries at most, above TLS."""
-    allowed_count = sum(task.expectation is ExpectedOutcome.REACHED for task in all_tasks)
+    allowed_count = sum(task.expectation is satellite.ExpectedOutcome.REACHED for task in all_tasks)
     return _READ + _READ_TARGET * allowed_count + _READ_LINK * links
 
 
@@ -125,11 +130,12 @@ def session_bytes(all_tasks: tuple[Task, ...], rounds: int, links: int, *, open_
 
     `links`: bearers of the site, each of which has its routes.
     """
-    allowed_tasks = [task for task in all_tasks if task.expectation is ExpectedOutcome.REACHED]
+    allowed_tasks = [task for task in all_tasks if task.expectation is satellite.ExpectedOutcome.REACHED]
     read = reading_bytes(all_tasks, links)
-    turns = {task.probe for task in allowed_tasks if task.probe not in (SatelliteProbe.NONE, *TEMPORARY_ROWS)}
+    turns = {task.probe for task in allowed_tasks if task.probe not in (satellite.SatelliteProbe.NONE, *TEMPORARY_ROWS)}
     blocked_count = sum(
-        task.expectation is ExpectedOutcome.REFUSED and task.probe is SatelliteProbe.ICMP for task in all_tasks
+        task.expectation is satellite.ExpectedOutcome.REFUSED and task.probe is satellite.SatelliteProbe.ICMP
+        for task in all_tasks
     )
     temporary = any(task.probe in TEMPORARY_ROWS for task in all_tasks)
     open_count = blocked_count if open_filter else 0
@@ -139,11 +145,15 @@ def session_bytes(all_tasks: tuple[Task, ...], rounds: int, links: int, *, open_
         + (2 + 2 * blocked_count + open_count + temporary) * (read + _PING)
         + (open_count + temporary) * _ROWS
     )
-    by_turns = rounds * ((1 + (turns != {SatelliteProbe.ICMP})) * bool(turns) + open_count + temporary) * (read + _PING)
+    by_turns = (
+        rounds
+        * ((1 + (turns != {satellite.SatelliteProbe.ICMP})) * bool(turns) + open_count + temporary)
+        * (read + _PING)
+    )
     return always, by_turns
 
 
-def _task(target: AllowedTarget, expectation: ExpectedOutcome, how: _How) -> Task:
+def _task(target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _How) -> Task:
     probe, why_not = _probe(target, expectation, how)
     words = str(target.address) if target.port is None else f"{target.address} {target.transport} {target.port}"
     return Task(
@@ -159,28 +169,32 @@ def _task(target: AllowedTarget, expectation: ExpectedOutcome, how: _How) -> Tas
     )
 
 
-def _probe(target: AllowedTarget, expectation: ExpectedOutcome, how: _How) -> tuple[SatelliteProbe, str]:
+def _probe(
+    target: model.AllowedTarget, expectation: satellite.ExpectedOutcome, how: _How
+) -> tuple[satellite.SatelliteProbe, str]:
     if target.port is None:
-        return (SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (SatelliteProbe.ICMP, "")
-    if target.transport is Transport.TCP:
+        return (
+            (satellite.SatelliteProbe.NONE, _FOLLOWS) if how.elsewhere(target) else (satellite.SatelliteProbe.ICMP, "")
+        )
+    if target.transport is model.Transport.TCP:
         if not how.try_all:
-            return SatelliteProbe.NONE, _NO_TCP
-        return SatelliteProbe.TCP, ""
-    if expectation is ExpectedOutcome.REFUSED:
-        return SatelliteProbe.NONE, _NO_UDP
+            return satellite.SatelliteProbe.NONE, _NO_TCP
+        return satellite.SatelliteProbe.TCP, ""
+    if expectation is satellite.ExpectedOutcome.REFUSED:
+        return satellite.SatelliteProbe.NONE, _NO_UDP
     return _answering(target, how)
 
 
-def _answering(target: AllowedTarget, how: _How) -> tuple[SatelliteProbe, str]:
+def _answering(target: model.AllowedTarget, how: _How) -> tuple[satellite.SatelliteProbe, str]:
     """How an allowed UDP target is tried: by the answers that something of the router's own gets."""
     if how.tells_time(target) and (how.try_all or not how.active):
-        return (SatelliteProbe.TIME, "") if how.try_all else (SatelliteProbe.NONE, _NO_TIME)
+        return (satellite.SatelliteProbe.TIME, "") if how.try_all else (satellite.SatelliteProbe.NONE, _NO_TIME)
     tunnel = (target.address, target.port) == (how.pilot.vpn.endpoint, how.pilot.vpn.port)
     if not how.active and tunnel:
-        return (SatelliteProbe.VPN, "") if how.try_all else (SatelliteProbe.NONE, _NO_VPN)
+        return (satellite.SatelliteProbe.VPN, "") if how.try_all else (satellite.SatelliteProbe.NONE, _NO_VPN)
     if not how.active:
-        return SatelliteProbe.NONE, _QUIET
-    return (SatelliteProbe.TUNNEL if tunnel else SatelliteProbe.UDP_COUNTER), ""
+        return satellite.SatelliteProbe.NONE, _QUIET
+    return (satellite.SatelliteProbe.TUNNEL if tunnel else satellite.SatelliteProbe.UDP_COUNTER), ""
 
 
 _TRUE = frozenset({"true", "yes"})
@@ -294,18 +308,18 @@ TIMEOUT_S = 10.0
 """For all names together: a resolver that has not answered by then is told as silent."""
 
 
-def named_targets(declaration: Declaration, site: str, bearer: Bearer) -> tuple[NamedTarget, ...]:
+def named_targets(declaration: Declaration, site: str, bearer: model.Bearer) -> tuple[satellite.NamedTarget, ...]:
     """The entries of a link's allow-list that have a name, the VPN's among them."""
     return tuple(
-        NamedTarget(
+        satellite.NamedTarget(
             target.name,
             target.dns_name,
             str(target.address),
             "pilot.vpn in group_vars/all/pilot.yml"
-            if target.name == VPN_TARGET and target.address == declaration.pilot.vpn.endpoint
+            if target.name == satellite_allow_list.VPN_TARGET and target.address == declaration.pilot.vpn.endpoint
             else f"`allow` of `{bearer.name}` in group_vars/{site}.yml",
         )
-        for target in allowed_targets(declaration.pilot, bearer)
+        for target in satellite_allow_list.allowed_targets(declaration.pilot, bearer)
         if target.dns_name is not None
     )
 

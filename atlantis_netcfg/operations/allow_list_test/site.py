@@ -6,10 +6,9 @@ import asyncio
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.links.cost import Bill, Preview, preview
+from atlantis_netcfg.links import cost
 from atlantis_netcfg.links.satellite import judge_names
-from atlantis_netcfg.operations.allow_list_test.plan import NothingToProve, named_targets, resolve
-from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
+from atlantis_netcfg.operations.allow_list_test import plan, prove
 from atlantis_netcfg.operations.common.costs import ports_of, ways_of
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.session_link import bearer_of
@@ -45,12 +44,12 @@ class Satellite:
         is_rehearsal: bool,
         try_all: bool = False,
         via: str | None = None,
-    ) -> Proving:
+    ) -> prove.Proving:
         """What is to be done; in a rehearsal nobody waits, each turn counts as the seconds that it stands for.
 
         `via`: the link to the router, where it is not the declared one. Raises UsageError if there is none of the name.
         """
-        return Proving(
+        return prove.Proving(
             pilot=declaration.pilot,
             site=self.site,
             bearer=self.bearer,
@@ -61,7 +60,7 @@ class Satellite:
             carrier=bearer_of(declaration, self.router, via).name,
             open_filter=open_filter,
             try_all=try_all,
-            pace=ProofPace(sleep=_no_wait) if is_rehearsal else ProofPace(),
+            pace=prove.ProofPace(sleep=_no_wait) if is_rehearsal else prove.ProofPace(),
         )
 
 
@@ -73,39 +72,39 @@ def satellite_of(declaration: Declaration, site: str, name: str | None) -> Satel
     if router is not None:
         port = next((port for port, link in ports_of(router).items() if link == bearer.name), None)
     if router is None or port is None:
-        raise NothingToProve(f"no router of `{site}` has a port for `{bearer.name}`")
+        raise plan.NothingToProve(f"no router of `{site}` has a port for `{bearer.name}`")
     # A valid declaration gives every satellite link its terminal.
     return Satellite(site, bearer, router, port, declaration.hosts[str(bearer.device)])
 
 
 def _bearer(declaration: Declaration, site: str, name: str | None) -> Bearer:
     if site not in declaration.sites:
-        raise NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
+        raise plan.NothingToProve("prove one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
     bearers = declaration.sites[site].bearers
     satellites = [bearer for bearer in bearers if bearer.kind.traits.allow_list]
     choices = ", ".join(f"bearer={bearer.name}" for bearer in satellites) or "it has none"
     if not satellites:
-        raise NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")
+        raise plan.NothingToProve(f"`{site}` has no satellite link, so there is nothing to prove")
     matches = [bearer for bearer in satellites if name in {None, bearer.name}]
     if len(matches) != 1:
         why = f"`{site}` has several satellite links" if name is None else f"`{site}` has no satellite link `{name}`"
-        raise NothingToProve(why, hint=f"type one of: {choices}")
+        raise plan.NothingToProve(why, hint=f"type one of: {choices}")
     return matches[0]
 
 
 def names_of(declaration: Declaration, site: str, name: str | None) -> tuple[BearerFinding, ...]:
     """Ask this computer for every name of the allow-list, and say which have moved."""
-    targets = named_targets(declaration, site, _bearer(declaration, site, name))
-    addresses = asyncio.run(resolve(target.dns_name for target in targets))
+    targets = plan.named_targets(declaration, site, _bearer(declaration, site, name))
+    addresses = asyncio.run(plan.resolve(target.dns_name for target in targets))
     return judge_names(targets, addresses, "this computer")
 
 
-def try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
+def try_out(declaration: Declaration, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
     """Open a session to the router and carry out a proof. Raises DeviceFailed, OutcomeUnknown."""
     return asyncio.run(_try_out(declaration, router, request, proving))
 
 
-async def _try_out(declaration: Declaration, router: Host, request: Request, proving: Proving) -> Proof:
+async def _try_out(declaration: Declaration, router: Host, request: Request, proving: prove.Proving) -> prove.Proof:
     job = device_job(declaration, router, request, NoJournal(), proving.notify)
     traffic: list[Traffic] = []
     async with await Session.open(replace(job.endpoint, opening=traffic.append)) as session:
@@ -113,16 +112,16 @@ async def _try_out(declaration: Declaration, router: Host, request: Request, pro
     return replace(proof, sessions=Traffic.total(traffic).connections)
 
 
-def previews(declaration: Declaration, proving: Proving) -> tuple[Preview, ...]:
+def previews(declaration: Declaration, proving: prove.Proving) -> tuple[cost.Preview, ...]:
     """What a proof costs at most: over the link of its session where that is another one, then over the satellite."""
     links = links_of(declaration, proving.site)
-    satellite = preview(proving.expected_bytes, proving.seconds, links[proving.bearer.name], at_most=True)
+    satellite = cost.preview(proving.expected_bytes, proving.seconds, links[proving.bearer.name], at_most=True)
     if proving.carrier == proving.bearer.name:
         return (satellite,)
-    return preview(proving.session_bytes, proving.seconds, links[proving.carrier], at_most=True), satellite
+    return cost.preview(proving.session_bytes, proving.seconds, links[proving.carrier], at_most=True), satellite
 
 
-def bills(declaration: Declaration, proof: Proof, seconds: float) -> Mapping[str, Bill]:
+def bills(declaration: Declaration, proof: prove.Proof, seconds: float) -> Mapping[str, cost.Bill]:
     """What a proof has cost, by link: the satellite first, and the link of its session where that is another one.
 
     The router's count begins within the session: what opened it is added.
@@ -130,10 +129,10 @@ def bills(declaration: Declaration, proof: Proof, seconds: float) -> Mapping[str
     links = links_of(declaration, proof.site)
     if proof.carrier == proof.bearer:
         opening = on_the_wire(proof.opening_bytes, proof.sessions)
-        return {proof.bearer: preview(proof.bytes_counted + opening, seconds, links[proof.bearer]).bill}
+        return {proof.bearer: cost.preview(proof.bytes_counted + opening, seconds, links[proof.bearer]).bill}
     wire_bytes = on_the_wire(proof.session_bytes, proof.sessions)
     bytes_by_link = {proof.bearer: proof.bytes_counted, proof.carrier: wire_bytes}
-    return {name: preview(nbytes, seconds, links[name]).bill for name, nbytes in bytes_by_link.items()}
+    return {name: cost.preview(nbytes, seconds, links[name]).bill for name, nbytes in bytes_by_link.items()}
 
 
 async def _no_wait(_seconds: float) -> None:

@@ -9,20 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.inventory.model import LteDriver, LteRouter, Router, SshHost
-from atlantis_netcfg.links.cost import ACCEPT, Bill, CostRefusal, MeteredLink, Preview, bill, preview, size
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.links import cost
 from atlantis_netcfg.links.policy import BearerRoute, active_bearer
 from atlantis_netcfg.operations.common import request as requests
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.common.request import Mode, Request
 from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.operations.common.site_links import link_of, links_of
-from atlantis_netcfg.routeros.apply import Admission, DeviceJob, DeviceResult
+from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import Estimate, on_the_wire
 from atlantis_netcfg.routeros.estimate import beforehand as before_reading
-from atlantis_netcfg.runs import CostRecord, Counters, Recorder, Store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ _MB: Final = 1_000_000
 
 def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
     """The bearers as the router of the site knows them; none for a device that is not a router."""
-    if not isinstance(host.device, Router):
+    if not isinstance(host.device, model.Router):
         return ()
     ports = {bearer: port for port, bearer in ports_of(host).items()}
     return tuple(
@@ -54,7 +54,7 @@ def ways_of(declaration: Declaration, host: Host) -> tuple[BearerRoute, ...]:
 
 def ports_of(host: Host) -> Mapping[str, str]:
     """Port of a router to the link that hangs on it, in the order of the declaration."""
-    if not isinstance(host.device, Router):
+    if not isinstance(host.device, model.Router):
         return {}
     return {port.name: port.link for port in host.device.ports if port.link is not None}
 
@@ -69,7 +69,7 @@ _WORK: Final = (117_000, 46_000)
 
 def beforehand(
     declaration: Declaration, hosts: Sequence[Host], request: Request, *, at_most: bool = True
-) -> tuple[Preview, ...]:
+) -> tuple[cost.Preview, ...]:
     """One preview for each metered link that sessions of this request go over, devices on one link added up.
 
     `at_most`: a run that may write is told as if all of its text had to be written, since nobody has read the device
@@ -77,8 +77,8 @@ def beforehand(
 
     Raises UsageError for a link that a site does not have.
     """
-    sums: dict[MeteredLink, list[Estimate]] = {}
-    bounds: set[MeteredLink] = set()
+    sums: dict[cost.MeteredLink, list[Estimate]] = {}
+    bounds: set[cost.MeteredLink] = set()
     for host in hosts:
         bearer = _carrier(declaration, host, request)
         if bearer is not None and bearer.is_metered:
@@ -87,7 +87,7 @@ def beforehand(
             if at_most and (_writes(request) or (request.mode is Mode.PLAN and is_supported(host))):
                 bounds.add(link)
     return tuple(
-        preview(
+        cost.preview(
             sum(each.wire_bytes for each in estimates),
             sum(each.seconds for each in estimates),
             link,
@@ -115,9 +115,9 @@ def gate(declaration: Declaration, hosts: Sequence[Host], request: Request) -> N
             raise unpaid([each.words for each in dear], request.command)
 
 
-def unpaid(words: Sequence[str], command: str = "provision") -> CostRefusal:
+def unpaid(words: Sequence[str], command: str = "provision") -> cost.CostRefusal:
     """The error for what nobody has agreed to pay; `command` tells by which door it was asked for."""
-    return CostRefusal(
+    return cost.CostRefusal(
         f"nobody has agreed to pay for this, so nothing was sent: {'; '.join(words)}",
         hint=f"type the same with {accepting(command)} (`--yes` does not say that), or go over another link: `via=lan`",
     )
@@ -125,7 +125,7 @@ def unpaid(words: Sequence[str], command: str = "provision") -> CostRefusal:
 
 def accepting(command: str) -> str:
     """What a person types to pay, by the door that they came in by."""
-    return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{ACCEPT}`"
+    return f"`-e {requests.ACCEPT_COST}=true`" if command == requests.PLAIN_ANSIBLE else f"`{cost.ACCEPT}`"
 
 
 def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier | None:
@@ -134,11 +134,13 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
     A RutOS unit says nothing of a way of its own: it stands behind the router of its site, and is reached as that is.
     Of a computer nothing is backed up.
     """
-    if is_supported(host) or (isinstance(host.device, SshHost) and request.mode is not Mode.BACKUP):
+    if is_supported(host) or (isinstance(host.device, model.SshHost) and request.mode is not Mode.BACKUP):
         return bearer_of(declaration, host, request.via.get(host.name))
-    if not isinstance(host.device, LteRouter) or host.device.driver is not LteDriver.RUTOS:
+    if not isinstance(host.device, model.LteRouter) or host.device.driver is not model.LteDriver.RUTOS:
         return None
-    here = (item for item in declaration.hosts.values() if item.site == host.site and isinstance(item.device, Router))
+    here = (
+        item for item in declaration.hosts.values() if item.site == host.site and isinstance(item.device, model.Router)
+    )
     router = next(here, None)
     if router is None:
         return None
@@ -148,7 +150,7 @@ def _carrier(declaration: Declaration, host: Host, request: Request) -> Carrier 
 def _host(host: Host, bearer: Carrier, request: Request, *, at_most: bool) -> Estimate:
     if is_supported(host):
         return _estimate(bearer, request, at_most=at_most)
-    if isinstance(host.device, SshHost):
+    if isinstance(host.device, model.SshHost):
         return _computer(bearer, writes=at_most and _writes(request))
     return _unit(bearer)
 
@@ -201,7 +203,7 @@ class Meter:
     declared_link: str = field(init=False)
     active: str | None = field(init=False, default=None)
     """The bearer of the active default route; None: not read, or not one alone."""
-    expected_cost: Preview | None = field(init=False, default=None)
+    expected_cost: cost.Preview | None = field(init=False, default=None)
     """What the run was expected to cost over the link that carries it, where that is metered."""
 
     def __post_init__(self) -> None:
@@ -213,43 +215,45 @@ class Meter:
         return tuple(port for port, link in ports_of(self.host).items() if link in self._links)
 
     @property
-    def link(self) -> MeteredLink:
+    def link(self) -> cost.MeteredLink:
         """What carries the session, as far as it is known."""
         if self.active is None or self.declared_link == LAN.name or self.request.rehearsed:
             return self._links[self.declared_link]
         return self._links[self.active]
 
     @property
-    def _links(self) -> Mapping[str, MeteredLink]:
+    def _links(self) -> Mapping[str, cost.MeteredLink]:
         return links_of(self.declaration, self.host.site)
 
-    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:
+    def judge(
+        self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool
+    ) -> apply.Admission:
         """Look at the active route, then at what the plan would send: whether it is agreed to, and below the cap."""
         self.active = active_bearer(observation.rows.get("/ip/route", ()), ways_of(self.declaration, self.host))
         notes = (*self._elsewhere(), *self._without_budget())
         if not self.link.is_metered or estimate is None:
-            return Admission(notes)
-        self.expected_cost = preview(estimate.wire_bytes, estimate.seconds, self.link)
+            return apply.Admission(notes)
+        self.expected_cost = cost.preview(estimate.wire_bytes, estimate.seconds, self.link)
         refusal = self._refusal(plan_only=is_plan) if spends else None
         if refusal is None:
-            return Admission(notes)
+            return apply.Admission(notes)
         if self.request.rehearsed:
-            return Admission((*notes, f"a real run would be refused: {refusal}"))
-        return Admission(notes, str(refusal), refusal.hint)
+            return apply.Admission((*notes, f"a real run would be refused: {refusal}"))
+        return apply.Admission(notes, str(refusal), refusal.hint)
 
-    def _refusal(self, *, plan_only: bool) -> CostRefusal | None:
+    def _refusal(self, *, plan_only: bool) -> cost.CostRefusal | None:
         """Why what the plan would send may not be sent; a plan alone needs nobody's consent, nor does a rehearsal."""
         assert self.expected_cost is not None  # noqa: S101 - `judge` has just said what it expects
         if self.expected_cost.over_cap:
             return self.expected_cost.refusal()
         if plan_only or self.request.rehearsed or self.request.accept_cost:
             return None
-        return CostRefusal(
+        return cost.CostRefusal(
             f"nobody has agreed to pay for it: {self.expected_cost.words}",
             hint=f"type the same with {accepting(self.request.command)}, or wait until {self.declared_link} is back",
         )
 
-    def report(self, result: DeviceResult, journal: Recorder, store: Store) -> dict[str, Any]:
+    def report(self, result: apply.DeviceResult, journal: runs.Recorder, store: runs.Store) -> dict[str, Any]:
         """Write down what it came to; return what the result shall say of it: `cost`, where it was paid by the byte.
 
         What cannot be written is said in the result: what has happened must not be lost over it.
@@ -257,7 +261,7 @@ class Meter:
         notes = [*result.notes, *self._keep(result, store)]
         if not self.link.is_metered:
             return {"notes": notes}
-        final_bill = bill(
+        final_bill = cost.bill(
             on_the_wire(result.sent_bytes + result.received_bytes, result.sessions), result.seconds, self.link.tariff
         )
         router = self._router_count(result)
@@ -269,7 +273,9 @@ class Meter:
 
     def _without_budget(self) -> Iterator[str]:
         """Name the metered links of a router that have no budget for what goes by itself."""
-        for bearer in self.declaration.sites[self.host.site].bearers if isinstance(self.host.device, Router) else ():
+        for bearer in (
+            self.declaration.sites[self.host.site].bearers if isinstance(self.host.device, model.Router) else ()
+        ):
             if bearer.metered and not bearer.has_standing_budget:
                 yield f"WARN: no budget is declared for what goes over {bearer.name} by itself; docs/cost.md"
 
@@ -286,7 +292,7 @@ class Meter:
         down = order.index(self.declared_link) < order.index(self.active)
         yield f"{sentence} now{dear}" + (f": {self.declared_link} is down" if down else "")
 
-    def _keep(self, result: DeviceResult, store: Store) -> Iterator[str]:
+    def _keep(self, result: apply.DeviceResult, store: runs.Store) -> Iterator[str]:
         """Keep the last look at every port for the month; yield what went wrong."""
         if not result.counts:
             return
@@ -295,7 +301,7 @@ class Meter:
             if port not in last.ports or name not in self._links:
                 continue
             rx, tx = last.ports[port]
-            counters = Counters(
+            counters = runs.Counters(
                 device=self.host.name, interface=port, rx_bytes=rx, tx_bytes=tx, at=last.at, uptime_s=last.uptime_s
             )
             try:
@@ -304,7 +310,7 @@ class Meter:
                 yield str(failure)
                 return
 
-    def _router_count(self, result: DeviceResult) -> dict[str, Any] | None:
+    def _router_count(self, result: apply.DeviceResult) -> dict[str, Any] | None:
         """By how much the router's own counters rose between the first and the last look; None if that is unknown."""
         port = next((port for port, link in ports_of(self.host).items() if link == self.link.name), None)
         if port is None or not result.counts:
@@ -317,7 +323,7 @@ class Meter:
             return None
         return {"interface": port, "rx_bytes": rx, "tx_bytes": tx, "bytes": rx + tx}
 
-    def _cost(self, final_bill: Bill, router: dict[str, Any] | None) -> dict[str, Any]:
+    def _cost(self, final_bill: cost.Bill, router: dict[str, Any] | None) -> dict[str, Any]:
         return {
             "bearer": self.link.name,
             "declared": self.declared_link,
@@ -335,8 +341,8 @@ class Meter:
     def _asks(self) -> str:
         return "" if self.expected_cost is None else self.expected_cost.words
 
-    def _record(self, final_bill: Bill, router: dict[str, Any] | None) -> CostRecord:
-        return CostRecord(
+    def _record(self, final_bill: cost.Bill, router: dict[str, Any] | None) -> runs.CostRecord:
+        return runs.CostRecord(
             device=self.host.name,
             bearer=self.link.name,
             declared=self.declared_link,
@@ -350,11 +356,11 @@ class Meter:
         )
 
 
-def _words(final_bill: Bill, router: dict[str, Any] | None) -> str:
+def _words(final_bill: cost.Bill, router: dict[str, Any] | None) -> str:
     if router is None:
         return f"{final_bill.words}; not counted by the router"
     return (
-        f"{final_bill.words}; the router counted {size(router['bytes'])} on {router['interface']}, "
+        f"{final_bill.words}; the router counted {cost.size(router['bytes'])} on {router['interface']}, "
         "others' traffic included"
     )
 
@@ -367,12 +373,12 @@ class Costs:
     request: Request
     _meters: dict[str, Meter] = field(default_factory=dict)
 
-    def beside(self, job: DeviceJob) -> DeviceJob:
+    def beside(self, job: apply.DeviceJob) -> apply.DeviceJob:
         """Give a job its meter."""
         meter = self._meter(job.name)
         return replace(job, cost_policy=meter, counted_ports=meter.ports)
 
-    def report(self, result: DeviceResult, journal: Recorder, store: Store) -> Mapping[str, Any]:
+    def report(self, result: apply.DeviceResult, journal: runs.Recorder, store: runs.Store) -> Mapping[str, Any]:
         """What a device's result says besides, once it has ended; before its site's journal is closed."""
         bill_data = self._meter(result.name).report(result, journal, store)
         del self._meters[result.name]

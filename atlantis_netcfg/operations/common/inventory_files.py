@@ -9,9 +9,8 @@ import shutil
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import inventory, runs
 from atlantis_netcfg.core import temporary
-from atlantis_netcfg.inventory import Declaration, InventoryInvalid, load
-from atlantis_netcfg.runs import os_errors_as, sync_directory, write_atomically
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,17 +18,17 @@ if TYPE_CHECKING:
 _READABLE = 0o644
 
 
-def validate_change(root: Path, file: str, text: str | None) -> Declaration:
+def validate_change(root: Path, file: str, text: str | None) -> inventory.Declaration:
     """The pilot as it would be. Raises InventoryInvalid, with the user's own file names; nothing is written."""
     with temporary.folder("inventory") as place:
         copy = place / root.name
         shutil.copytree(root, copy)
         put(copy / file, text)
         try:
-            return replace(load(copy), root=root)
-        except InventoryInvalid as error:
+            return replace(inventory.load(copy), root=root)
+        except inventory.InventoryInvalid as error:
             copy_path, real = copy.as_posix(), root.as_posix()
-            raise InventoryInvalid(
+            raise inventory.InventoryInvalid(
                 replace(
                     finding,
                     file=finding.file.replace(copy_path, real),
@@ -41,7 +40,7 @@ def validate_change(root: Path, file: str, text: str | None) -> Declaration:
 
 def write(root: Path, file: str, text: str | None) -> None:
     """Put the file in its place at once, or remove it. Raises JournalFailed."""
-    with os_errors_as("the inventory", root / file):
+    with runs.os_errors_as("the inventory", root / file):
         put(root / file, text)
 
 
@@ -49,7 +48,7 @@ def put(path: Path, text: str | None) -> None:
     """Write or remove a file; its mode stays."""
     if text is None:
         path.unlink(missing_ok=True)
-        sync_directory(path.parent)
+        runs.sync_directory(path.parent)
         return
     mode = path.stat().st_mode & 0o777 if path.exists() else _READABLE
-    write_atomically(path, text.encode(), mode=mode)
+    runs.write_atomically(path, text.encode(), mode=mode)

@@ -7,20 +7,17 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, UsageError
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.inventory.model import Access, LteRouter
 from atlantis_netcfg.links.policy import active_bearer
+from atlantis_netcfg.operations import restore
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.common.kinds import ManagedDevice, get_managed_device
 from atlantis_netcfg.operations.common.saved_states import saved_run
 from atlantis_netcfg.operations.common.session_link import bearer_of, patient
 from atlantis_netcfg.operations.common.terminals import PinRecorder, TriedPin
-from atlantis_netcfg.operations.restore import confirmed_state, for_any_box, read_replacement
-from atlantis_netcfg.routeros.api import READING_WINDOW, WINDOW, Endpoint
-from atlantis_netcfg.routeros.apply import DeviceJob, History, NoHistory, SshEndpoint, StateVariants
-from atlantis_netcfg.routeros.desired import DesiredState, from_export, read
-from atlantis_netcfg.routeros.link_use import ROUTES, LinkUse, end_use, start_use, without_use
-from atlantis_netcfg.runs import Journal, Pins, Recorder, Store
+from atlantis_netcfg.routeros import api, apply, desired, link_use
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -35,44 +32,44 @@ _SSH = 22
 
 
 def device_job(
-    declaration: Declaration, host: Host, request: Request, journal: Recorder, notify: Subscriber
-) -> DeviceJob:
+    declaration: Declaration, host: Host, request: Request, journal: runs.Recorder, notify: Subscriber
+) -> apply.DeviceJob:
     """Build the job of one device. Raises NothingMatched for a kind that the engine does not handle, RenderError."""
     managed_device = get_managed_device(declaration, host)
     access = managed_device.access
-    store = Store(request.state, is_rehearsal=request.rehearsed)
+    store = runs.Store(request.state, is_rehearsal=request.rehearsed)
     ways = ways_of(declaration, host)
     states = _states(managed_device, request, store, ways)
     bearer = bearer_of(declaration, host, request.via.get(host.name))
-    return DeviceJob(
+    return apply.DeviceJob(
         name=host.name,
         site=host.site,
         address=str(access.address),
         endpoint=patient(endpoint_of(host, access, request), bearer),
         desired_state=next(iter(states.values())),
-        fitting=None if "" in states else StateVariants(states, managed_device.unfit),
+        fitting=None if "" in states else apply.StateVariants(states, managed_device.unfit),
         bearer=bearer,
         events=notify,
         journal=_minding_the_sim(host, request, store, journal),
         agreed_hash=None if request.plans is None else request.plans.get(host.name, ""),
         ssh=_console(host, access, request, store.pins),
-        run=journal.run if isinstance(journal, Journal) else "",
+        run=journal.run if isinstance(journal, runs.Journal) else "",
         allows_unprotected=request.unprotected,
         remove_foreign=request.remove_foreign or request.rehearsed,
         shows=None if request.use is None else partial(_check_use, ways, request.use),
-        history=NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
+        history=apply.NoHistory() if request.mode.reads_only else _history(host, request, store, journal),
     )
 
 
-def _history(host: Host, request: Request, store: Store, journal: Recorder) -> History:
+def _history(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> apply.History:
     """What earlier runs have left there; in `resume` a person has named the run that has died."""
-    current = journal.run if isinstance(journal, Journal) else ""
+    current = journal.run if isinstance(journal, runs.Journal) else ""
     return store.history(host.site, host.name, current=current, dead=request.run)
 
 
 def _states(
-    managed_device: ManagedDevice, request: Request, store: Store, ways: Sequence[BearerRoute]
-) -> Mapping[str, DesiredState]:
+    managed_device: ManagedDevice, request: Request, store: runs.Store, ways: Sequence[BearerRoute]
+) -> Mapping[str, desired.DesiredState]:
     """What the device should hold, by the menu in which it has to have its radio; empty: in any case."""
     pin_problem = (
         "" if request.rehearsed else TriedPin(store.root, managed_device.host.site, managed_device.host.name).why_not
@@ -83,82 +80,84 @@ def _states(
     }
 
 
-def _minding_the_sim(host: Host, request: Request, store: Store, journal: Recorder) -> Recorder:
+def _minding_the_sim(host: Host, request: Request, store: runs.Store, journal: runs.Recorder) -> runs.Recorder:
     """Note on disk that a PIN is tried before it is sent; an emulated SIM is a new one in every rehearsal."""
     if request.rehearsed or not isinstance(host.device, LteRouter):
         return journal
     return PinRecorder(journal, TriedPin(store.root, host.site, host.name))
 
 
-def _desired_state(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> DesiredState:
+def _desired_state(host: Host, text: str, request: Request, ways: Sequence[BearerRoute]) -> desired.DesiredState:
     """What is declared; for a rollback, in the same menus, what it was before that run; or a confirmed state."""
-    desired_state = read(text, source=f"the desired text of {host.name}")
+    desired_state = desired.read(text, source=f"the desired text of {host.name}")
     if request.use is not None:
         return _apply_link_order(desired_state, ways, request.use)
     if request.restore is not None:
-        saved_state = confirmed_state(request.state, host, request.restore, is_rehearsal=request.rehearsed)
-        return without_use(read_replacement(saved_state, desired_state), desired_state)
+        saved_state = restore.confirmed_state(request.state, host, request.restore, is_rehearsal=request.rehearsed)
+        return link_use.without_use(restore.read_replacement(saved_state, desired_state), desired_state)
     if request.back_to is None:
         return desired_state
     earlier_state = saved_run(request.state, host.site, request.back_to, is_rehearsal=request.rehearsed).before(
         host.name
     )
     if earlier_state is None:
-        raise NoMatchError(f"run {request.back_to} has saved no state of {host.name}")
-    export = from_export(earlier_state.text(), desired_state.menus, source=str(earlier_state.path))
-    before = without_use(export, desired_state)
-    return for_any_box(before) if request.rehearsed else before
+        raise errors.NoMatchError(f"run {request.back_to} has saved no state of {host.name}")
+    export = desired.from_export(earlier_state.text(), desired_state.menus, source=str(earlier_state.path))
+    before = link_use.without_use(export, desired_state)
+    return restore.for_any_box(before) if request.rehearsed else before
 
 
-def _apply_link_order(desired_state: DesiredState, ways: Sequence[BearerRoute], order: LinkOrder) -> DesiredState:
+def _apply_link_order(
+    desired_state: desired.DesiredState, ways: Sequence[BearerRoute], order: LinkOrder
+) -> desired.DesiredState:
     """The routes and the job of a router for an order of its links."""
     if order.link is None or order.until is None:
-        return end_use(desired_state)
-    use = LinkUse(order.link, order.until, order.until_uptime_s)
-    return start_use(desired_state, use, order.since_uptime_s, {way.name: way.address for way in ways})
+        return link_use.end_use(desired_state)
+    use = link_use.LinkUse(order.link, order.until, order.until_uptime_s)
+    return link_use.start_use(desired_state, use, order.since_uptime_s, {way.name: way.address for way in ways})
 
 
 def _check_use(ways: Sequence[BearerRoute], order: LinkOrder, observation: Observation) -> str:
     """Say that the link does not carry the traffic although it should by now, or nothing."""
     if order.link is None or not order.proved:
         return ""
-    active = active_bearer(observation.rows.get(ROUTES, ()), ways)
+    active = active_bearer(observation.rows.get(link_use.ROUTES, ()), ways)
     return "" if active == order.link else f"{order.link} does not carry the traffic then, but {active or 'nothing'}"
 
 
-def _console(host: Host, access: Access, request: Request, pins: Pins) -> SshEndpoint:
+def _console(host: Host, access: Access, request: Request, pins: runs.Pins) -> apply.SshEndpoint:
     """Where its SSH is: the template leaves it on, for those who may manage the device."""
     if not request.rehearsed:
         key = access.host_key or pins.host_key(host.name)
-        return SshEndpoint(str(access.address), _SSH, access.user, access.password, key)
+        return apply.SshEndpoint(str(access.address), _SSH, access.user, access.password, key)
     target = request.targets[host.name]
-    return SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
+    return apply.SshEndpoint(target.host, target.ssh or _SSH, access.user, access.password, target.host_key)
 
 
-def endpoint_of(host: Host, access: Access, request: Request) -> Endpoint:
+def endpoint_of(host: Host, access: Access, request: Request) -> api.Endpoint:
     """Where its API is, and by which certificate it is known: the declared one, else that which a person has agreed to.
 
     Raises UsageError for a device that a rehearsal has no twin of.
     """
-    pins = Store(request.state, is_rehearsal=request.rehearsed).pins
+    pins = runs.Store(request.state, is_rehearsal=request.rehearsed).pins
     address, port, pin = str(access.address), access.port, access.fingerprint or pins.get(host.name)
     if request.rehearsed:
         if host.name not in request.targets:
-            raise UsageError(f"{host.name} is not emulated in this rehearsal")
+            raise errors.UsageError(f"{host.name} is not emulated in this rehearsal")
         target = request.targets[host.name]
         address, port, pin = target.host, target.port, target.pin
-    return Endpoint(
+    return api.Endpoint(
         address,
         port,
         access.user,
         access.password,
         pin,
-        window=pins.window(host.name) or READING_WINDOW,
+        window=pins.window(host.name) or api.READING_WINDOW,
         on_window_shrink=partial(_narrow, pins, host.name),
     )
 
 
-def _narrow(pins: Pins, name: str) -> None:
+def _narrow(pins: runs.Pins, name: str) -> None:
     """Remember that the device does not bear many questions at once; where that fails it is found out again."""
-    with suppress(NetcfgError):
-        pins.narrow(name, WINDOW)
+    with suppress(errors.NetcfgError):
+        pins.narrow(name, api.WINDOW)

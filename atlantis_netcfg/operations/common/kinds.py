@@ -12,36 +12,9 @@ from ipaddress import IPv4Interface, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NoMatchError
-from atlantis_netcfg.emulator.routeros import CellSpec, ModemSpec, SimSpec
-from atlantis_netcfg.inventory.model import (
-    Access,
-    Cpe,
-    LteDriver,
-    LteRouter,
-    Port,
-    PortUse,
-    Ptp,
-    PtpProtocol,
-    RadioMenus,
-    Router,
-    Switch,
-    SwitchPort,
-)
-from atlantis_netcfg.routeros.render import (
-    Prerequisite,
-    cpe,
-    cpe_prerequisites,
-    cpe_view,
-    lte,
-    lte_bearer,
-    lte_prerequisites,
-    lte_view,
-    prerequisites,
-    radio_name,
-    router,
-    switch,
-    switch_prerequisites,
-)
+from atlantis_netcfg.emulator import routeros
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.routeros import render
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -78,7 +51,7 @@ class Hardware:
     ports: tuple[str, ...]
     poe_ports: tuple[str, ...] = ()
     radios: tuple[str, ...] = ()
-    modem: ModemSpec | None = None
+    modem: routeros.ModemSpec | None = None
     packages: tuple[str, ...] = ("routeros",)
     board: str = "RB5009UPr+S+"
 
@@ -97,7 +70,7 @@ class ManagedDevice(ABC):
 
     @property
     @abstractmethod
-    def access(self) -> Access:
+    def access(self) -> model.Access:
         """Address, port, user and password, and the bearer that leads there."""
 
     @abstractmethod
@@ -105,7 +78,7 @@ class ManagedDevice(ABC):
         """Render what the device should hold; more than one where the device decides which fits. Raises RenderError."""
 
     @abstractmethod
-    def prerequisites(self) -> tuple[Prerequisite, ...]:
+    def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Say what must be on the device before a text can be written."""
 
     @property
@@ -139,10 +112,10 @@ _INSTALL = (
 _OR_WIRELESS = ", or put the package `wireless` on both if their radios can do with it"
 
 
-def families(ptp: Ptp) -> tuple[str, ...]:
+def families(ptp: model.Ptp) -> tuple[str, ...]:
     """Return the families of radio menus that can do what is declared, the one with nv2 first."""
-    candidates = ("wireless", "wifi") if ptp.menus is RadioMenus.AUTO else (ptp.menus.value,)
-    plain = ptp.protocol is PtpProtocol.IEEE_80211
+    candidates = ("wireless", "wifi") if ptp.menus is model.RadioMenus.AUTO else (ptp.menus.value,)
+    plain = ptp.protocol is model.PtpProtocol.IEEE_80211
     legacy = ptp.standard != _AX and not (plain and ptp.wpa == "wpa3")
     return tuple(family for family in candidates if (legacy if family == "wireless" else plain))
 
@@ -155,28 +128,29 @@ class ManagedCpe(ManagedDevice):
     @staticmethod
     def takes(host: Host) -> bool:
         """Tell whether a host is of this kind."""
-        return isinstance(host.device, Cpe)
+        return isinstance(host.device, model.Cpe)
 
     @property
-    def cpe(self) -> Cpe:
+    def cpe(self) -> model.Cpe:
         """What is declared of it."""
-        assert isinstance(self.host.device, Cpe)  # noqa: S101 - `takes` has said so
+        assert isinstance(self.host.device, model.Cpe)  # noqa: S101 - `takes` has said so
         return self.host.device
 
     @property
-    def access(self) -> Access:
+    def access(self) -> model.Access:
         """As declared."""
         return self.cpe.access
 
     def texts(self) -> tuple[KindText, ...]:
         """Return one text for each family of menus that can do what is declared."""
         return tuple(
-            KindText(cpe(self.declaration, self.host, family), _MENUS[family]) for family in families(self.cpe.ptp)
+            KindText(render.cpe(self.declaration, self.host, family), _MENUS[family])
+            for family in families(self.cpe.ptp)
         )
 
-    def prerequisites(self) -> tuple[Prerequisite, ...]:
+    def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Its port and its certificate."""
-        return cpe_prerequisites(self.declaration, self.host)
+        return render.cpe_prerequisites(self.declaration, self.host)
 
     @property
     def place(self) -> HostPlace:
@@ -184,12 +158,12 @@ class ManagedCpe(ManagedDevice):
 
         The laptop's address is the highest of the link's network that no declared device has.
         """
-        view = cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
+        view = render.cpe_view(self.declaration, self.host, families(self.cpe.ptp)[0])
         return HostPlace(view.management.address, view.port, self._laptop(IPv4Network(view.network)))
 
     def _laptop(self, network: IPv4Network) -> str:
         boxes = (host.device for host in self.declaration.hosts.values())
-        used_addresses = {str(box.access.address) for box in boxes if isinstance(box, Cpe)}
+        used_addresses = {str(box.access.address) for box in boxes if isinstance(box, model.Cpe)}
         for site in self.declaration.sites.values():
             used_addresses |= {str(bearer.address) for bearer in site.bearers} | {
                 str(each.address) for each in site.served_links
@@ -203,7 +177,7 @@ class ManagedCpe(ManagedDevice):
         family = families(self.cpe.ptp)[0]
         return Hardware(
             ports=(self.cpe.port,),
-            radios=(radio_name(family),),
+            radios=(render.radio_name(family),),
             packages=("routeros", _PACKAGES[family]),
             board="SXTsq 5 ac",
         )
@@ -214,7 +188,7 @@ class ManagedCpe(ManagedDevice):
         if not radios:
             why = "has no radio that is driven: since RouterOS 7.13 `wireless` is a package of its own"
             todo = _INSTALL
-        elif ptp.menus not in (RadioMenus.AUTO, there := "wifi" if _MENUS["wifi"] in radios else "wireless"):
+        elif ptp.menus not in (model.RadioMenus.AUTO, there := "wifi" if _MENUS["wifi"] in radios else "wireless"):
             why = f"is declared with the `{ptp.menus}` menus, and its radio is driven by the `{there}` ones"
             todo = f"write `menus: {there}` or `menus: auto` under `ptp` in host_vars/{name}.yml"
         elif there == "wifi":
@@ -235,31 +209,33 @@ class ManagedLte(ManagedDevice):
     @staticmethod
     def takes(host: Host) -> bool:
         """Tell whether a host is of this kind: other 4G units have drivers of their own."""
-        return isinstance(host.device, LteRouter) and host.device.driver is LteDriver.ROUTEROS
+        return isinstance(host.device, model.LteRouter) and host.device.driver is model.LteDriver.ROUTEROS
 
     @property
-    def access(self) -> Access:
+    def access(self) -> model.Access:
         """As declared; the box is always at the site's own 4G link."""
         device = self.host.device
-        assert isinstance(device, LteRouter)  # noqa: S101 - `takes` has said so
+        assert isinstance(device, model.LteRouter)  # noqa: S101 - `takes` has said so
         assert device.access is not None  # noqa: S101 - a rule of the declaration has said so
         credentials = {"user": device.access.user, "password": device.access.password}
         port = {} if device.access.port is None else {"port": device.access.port}
-        return Access.model_validate({"address": device.address, **credentials, **port})
+        return model.Access.model_validate({"address": device.address, **credentials, **port})
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the one text."""
-        return (KindText(lte(self.declaration, self.host)),)
+        return (KindText(render.lte(self.declaration, self.host)),)
 
-    def prerequisites(self) -> tuple[Prerequisite, ...]:
+    def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Modem, port and certificate."""
-        return lte_prerequisites(self.declaration, self.host)
+        return render.lte_prerequisites(self.declaration, self.host)
 
     @property
     def place(self) -> HostPlace:
         """The cable; the technician stands behind the site's router, which masquerades."""
-        view = lte_view(self.declaration, self.host)
-        return HostPlace(view.management.address, view.port, str(lte_bearer(self.declaration, self.host).address))
+        view = render.lte_view(self.declaration, self.host)
+        return HostPlace(
+            view.management.address, view.port, str(render.lte_bearer(self.declaration, self.host).address)
+        )
 
     @property
     def hardware(self) -> Hardware:
@@ -267,11 +243,11 @@ class ManagedLte(ManagedDevice):
 
         It is a SIM of that network: what happens abroad is for those who try it on purpose.
         """
-        view = lte_view(self.declaration, self.host)
-        cell = CellSpec(apns=() if view.apn is None else (view.apn,), bands=view.bands or (3,))
-        card = SimSpec(pin="" if view.pin is None else view.pin.reveal())
-        bands = tuple(sorted({*ModemSpec().bands, *view.bands}))
-        modem = ModemSpec(name=view.modem, sim=card, cell=cell, bands=bands)
+        view = render.lte_view(self.declaration, self.host)
+        cell = routeros.CellSpec(apns=() if view.apn is None else (view.apn,), bands=view.bands or (3,))
+        card = routeros.SimSpec(pin="" if view.pin is None else view.pin.reveal())
+        bands = tuple(sorted({*routeros.ModemSpec().bands, *view.bands}))
+        modem = routeros.ModemSpec(name=view.modem, sim=card, cell=cell, bands=bands)
         return Hardware(ports=(view.port,), modem=modem, board="LHG LTE6 kit")
 
 
@@ -281,19 +257,19 @@ class ManagedPorts(ManagedDevice):
     __slots__ = ()
 
     @property
-    def _box(self) -> Router | Switch:
-        assert isinstance(self.host.device, Router | Switch)  # noqa: S101 - `takes` has said so
+    def _box(self) -> model.Router | model.Switch:
+        assert isinstance(self.host.device, model.Router | model.Switch)  # noqa: S101 - `takes` has said so
         return self.host.device
 
     @property
-    def access(self) -> Access:
+    def access(self) -> model.Access:
         """As declared."""
         return self._box.access
 
     @property
     def hardware(self) -> Hardware:
         """The declared ports."""
-        ports: tuple[Port | SwitchPort, ...] = self._box.ports
+        ports: tuple[model.Port | model.SwitchPort, ...] = self._box.ports
         radio = self._box.access_point
         hardware = Hardware(
             ports=tuple(port.name for port in ports),
@@ -301,7 +277,9 @@ class ManagedPorts(ManagedDevice):
         )
         if radio is None:
             return hardware
-        return replace(hardware, radios=(radio_name(radio.menus),), packages=("routeros", _PACKAGES[radio.menus]))
+        return replace(
+            hardware, radios=(render.radio_name(radio.menus),), packages=("routeros", _PACKAGES[radio.menus])
+        )
 
     @property
     def _radio(self) -> str:
@@ -327,15 +305,15 @@ class ManagedRouter(ManagedPorts):
     @staticmethod
     def takes(host: Host) -> bool:
         """Tell whether a host is of this kind."""
-        return isinstance(host.device, Router)
+        return isinstance(host.device, model.Router)
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the one text; with an access point for a router with a radio in the declared menus alone."""
-        return (KindText(router(self.declaration, self.host), self._radio),)
+        return (KindText(render.router(self.declaration, self.host), self._radio),)
 
-    def prerequisites(self) -> tuple[Prerequisite, ...]:
+    def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Ports and certificates."""
-        return prerequisites(self.declaration, self.host)
+        return render.prerequisites(self.declaration, self.host)
 
     @property
     def place(self) -> HostPlace:
@@ -343,7 +321,7 @@ class ManagedRouter(ManagedPorts):
         network = self.declaration.sites[self.host.site].management
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{network.network.prefixlen}")),
-            port=next(port.name for port in self._box.ports if port.use == PortUse.MANAGEMENT),
+            port=next(port.name for port in self._box.ports if port.use == model.PortUse.MANAGEMENT),
             technician=str(network.technician),
         )
 
@@ -356,21 +334,21 @@ class ManagedSwitch(ManagedPorts):
     @staticmethod
     def takes(host: Host) -> bool:
         """Tell whether a host is of this kind."""
-        return isinstance(host.device, Switch)
+        return isinstance(host.device, model.Switch)
 
     def texts(self) -> tuple[KindText, ...]:
         """Return the one text; with an access point for a device with a radio in the declared menus alone."""
-        return (KindText(switch(self.declaration, self.host), self._radio),)
+        return (KindText(render.switch(self.declaration, self.host), self._radio),)
 
-    def prerequisites(self) -> tuple[Prerequisite, ...]:
+    def prerequisites(self) -> tuple[render.Prerequisite, ...]:
         """Ports, certificate and radio."""
-        return switch_prerequisites(self.host)
+        return render.switch_prerequisites(self.host)
 
     @property
     def place(self) -> HostPlace:
         """The cable to the router, which masquerades: a laptop in its place has its address."""
         lan = self.declaration.sites[self.host.site].lan
-        assert isinstance(self.host.device, Switch)  # noqa: S101 - `takes` has said so
+        assert isinstance(self.host.device, model.Switch)  # noqa: S101 - `takes` has said so
         return HostPlace(
             address=str(IPv4Interface(f"{self.access.address}/{lan.network.prefixlen}")),
             port=self.host.device.uplink,
@@ -396,4 +374,4 @@ def get_managed_device(declaration: Declaration, host: Host) -> ManagedDevice:
 
 def is_unit(host: Host) -> bool:
     """Tell whether a host is a 4G unit that its own driver reads, and not the RouterOS engine."""
-    return isinstance(host.device, LteRouter) and host.device.driver is not LteDriver.ROUTEROS
+    return isinstance(host.device, model.LteRouter) and host.device.driver is not model.LteDriver.ROUTEROS

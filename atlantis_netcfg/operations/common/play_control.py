@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.core.crash_report import write_log
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
-from atlantis_netcfg.core.processes.stop_signals import STOP_SIGNALS, handlers, pending_stop, restore
+from atlantis_netcfg.core.processes import stop_signals
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.routeros.apply import DeviceResult, Status
 from atlantis_netcfg.runs import Run, Store
@@ -46,14 +46,14 @@ class PlayControl:
     @contextmanager
     def current(self) -> Iterator[PlayControl]:
         """Let plugins find it, and take the stop signals while it lasts. In the main thread only."""
-        before = handlers()
+        before = stop_signals.handlers()
         self._ignored_signals = tuple(number for number, handler in before.items() if handler is signal.SIG_IGN)
         _current.append(self)
         try:
             yield self
         finally:
             _current.remove(self)
-            restore(before)
+            stop_signals.restore(before)
 
     def take_signals(self) -> None:
         """Answer the stop signals from now on; Ansible sets handlers of its own when it makes a play.
@@ -61,9 +61,9 @@ class PlayControl:
         A signal that this process was told to ignore (`nohup`) stays ignored. Raises KeyboardInterrupt if one came
         while a module was imported: nothing has begun yet.
         """
-        if name := pending_stop():
+        if name := stop_signals.pending_stop():
             raise KeyboardInterrupt(name)
-        for number in STOP_SIGNALS:
+        for number in stop_signals.STOP_SIGNALS:
             signal.signal(number, signal.SIG_IGN if number in self._ignored_signals else self._stop)
 
     def _stop(self, number: int, _frame: FrameType | None) -> None:

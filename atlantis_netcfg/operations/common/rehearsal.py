@@ -12,26 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
-from atlantis_netcfg.core import temporary
+from atlantis_netcfg.core import events, temporary
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
-from atlantis_netcfg.emulator.routeros import (
-    NOT_REHEARSED,
-    Air,
-    ManagementSpec,
-    Radio,
-    RadioPair,
-    RouterLink,
-    RouterSpec,
-    SiteSpec,
-    SpawnedSite,
-    TwinSpec,
-    User,
-    spawn,
-)
+from atlantis_netcfg.emulator import routeros
 from atlantis_netcfg.inventory.model import Cpe, Router
+from atlantis_netcfg.operations.common import kinds
 from atlantis_netcfg.operations.common.costs import ports_of
-from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported, is_unit
 from atlantis_netcfg.operations.common.link_shapes import shapes_to
 from atlantis_netcfg.operations.common.request import Request, Target
 from atlantis_netcfg.operations.common.schedule import members_of, with_other_ends
@@ -70,7 +56,7 @@ class Rehearsal:
 
     targets: Mapping[str, Target]
     not_rehearsed: tuple[str, ...]
-    twins: SpawnedSite
+    twins: routeros.SpawnedSite
     units: Mapping[str, EmulatedUnit] = field(default_factory=dict)
     """4G units that are not RouterOS."""
     computers: RehearsedComputers = field(default_factory=RehearsedComputers)
@@ -126,25 +112,25 @@ def rehearsal(
     declaration: Declaration,
     hosts: Sequence[Host],
     via: str | None = None,
-    notify: Subscriber = ignore,
+    notify: events.Subscriber = events.ignore,
     replay: Replay | None = None,
 ) -> Iterator[Rehearsal]:
     """Start a twin for every host that a role handles; they end with the context. `via`: the bearer in use, for all."""
     if replay is not None:
         replay.refuse_elsewhere(declaration, dict.fromkeys(host.site for host in hosts))
     requested_names = {host.name for host in hosts}
-    emulated_hosts = with_other_ends(declaration, [host for host in hosts if is_supported(host)])
-    others = [host for host in hosts if is_unit(host)]
+    emulated_hosts = with_other_ends(declaration, [host for host in hosts if kinds.is_supported(host)])
+    others = [host for host in hosts if kinds.is_unit(host)]
     spec = site_spec(declaration, emulated_hosts, via, {end.name for end in emulated_hosts} - requested_names, replay)
     if emulated_hosts or others:
         number = len(emulated_hosts) + len(others)
         words = "starting 1 emulated device" if number == 1 else f"starting {number} emulated devices"
-        notify(Event(",".join(sorted({host.site for host in hosts})), Stage.CONNECTING, words))
+        notify(events.Event(",".join(sorted({host.site for host in hosts})), events.Stage.CONNECTING, words))
     with (
         temporary.folder("twins") as folder,
         emulated_units(others, folder) as units,
         rehearsed_computers(declaration, hosts, folder / "computers", notify) as computers,
-        spawn(spec, folder) as twins,
+        routeros.spawn(spec, folder) as twins,
     ):
         targets = {
             name: Target(
@@ -156,12 +142,12 @@ def rehearsal(
             )
             for name, ready in twins.ready.items()
         }
-        with_radio = [host for host in emulated_hosts if get_managed_device(declaration, host).hardware.radios]
+        with_radio = [host for host in emulated_hosts if kinds.get_managed_device(declaration, host).hardware.radios]
         radio: tuple[str, ...] = _RADIO_NOT_REHEARSED if with_radio else ()
         if any(isinstance(host.device, Router) for host in with_radio):
             radio = (*radio, *_STATIONS_NOT_REHEARSED)
         targets |= {**{name: unit.target for name, unit in units.items()}, **computers.targets}
-        routers = (*NOT_REHEARSED, summarize_assumptions()) if emulated_hosts else ()
+        routers = (*routeros.NOT_REHEARSED, summarize_assumptions()) if emulated_hosts else ()
         replay_limits = () if replay is None else (replay.not_rehearsed,)
         untold = (*replay_limits, *routers, *radio, *not_rehearsed(others), *computers.not_rehearsed)
         yield Rehearsal(targets, untold, twins, units, computers, replay)
@@ -173,19 +159,19 @@ def site_spec(
     via: str | None = None,
     along: Collection[str] = (),
     replay: Replay | None = None,
-) -> SiteSpec:
+) -> routeros.SiteSpec:
     """Describe the twins of these hosts, each of a kind that the engine handles.
 
     `along`: those that come along as the other end of a bridge, at a site that need not have the bearer `via`.
     """
     name = ",".join(sorted({host.site for host in hosts}))
     twins = tuple(_twin(declaration, host, None if host.name in along else via, replay) for host in hosts)
-    return SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts, via, along)))
+    return routeros.SiteSpec(name=name, twins=twins, pairs=tuple(_air(declaration, hosts, via, along)))
 
 
 def _air(
     declaration: Declaration, hosts: Sequence[Host], via: str | None, along: Collection[str]
-) -> Iterator[RadioPair]:
+) -> Iterator[routeros.RadioPair]:
     """Describe the radio links between these hosts; the twins' near end is where the technician stands."""
     names = [host.name for host in hosts]
     requested_names = [name for name in names if name not in along]
@@ -194,20 +180,20 @@ def _air(
         if member.bridge is None or not all(end.name in names for end in member.hosts):
             continue
         near, far = member.bridge.ends
-        radios = [get_managed_device(declaration, end).hardware.radios[0] for end in (near, far)]
+        radios = [kinds.get_managed_device(declaration, end).hardware.radios[0] for end in (near, far)]
         distance = next((end.device.ptp.distance_m for end in (near, far) if isinstance(end.device, Cpe)), None)
-        air = Air(distance_m=distance or _NOMINAL_M, dfs_wait_s=_LISTENS_S, weather_wait_s=_LISTENS_S)
-        yield RadioPair(near=near.name, far=far.name, near_radio=radios[0], far_radio=radios[1], air=air)
+        air = routeros.Air(distance_m=distance or _NOMINAL_M, dfs_wait_s=_LISTENS_S, weather_wait_s=_LISTENS_S)
+        yield routeros.RadioPair(near=near.name, far=far.name, near_radio=radios[0], far_radio=radios[1], air=air)
 
 
 @contextmanager
-def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
+def rehearse_adoption(adoption: Adoption) -> Iterator[routeros.SpawnedSite]:
     """Let an adoption meet a twin that comes out of its box; it ends with the context."""
     name = adoption.host.name
     spec = factory_spec(adoption.declaration, adoption.host, serial=adoption.via != "ssh")
     with (
         temporary.folder("twins") as folder,
-        spawn(SiteSpec(name=adoption.host.site, twins=(spec,)), folder) as twins,
+        routeros.spawn(routeros.SiteSpec(name=adoption.host.site, twins=(spec,)), folder) as twins,
     ):
         if spec.router.serial:
             adoption.via = f"serial:{twins.ready[name]['serial']}"
@@ -222,7 +208,7 @@ def rehearse_adoption(adoption: Adoption) -> Iterator[SpawnedSite]:
         yield twins
 
 
-def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> TwinSpec:
+def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) -> routeros.TwinSpec:
     """Describe a router's twin as it comes out of its box, with the laptop on a port of the factory's network."""
     spec = _twin(declaration, host, None)
     management = spec.router.management
@@ -234,27 +220,32 @@ def factory_spec(declaration: Declaration, host: Host, *, serial: bool = False) 
             f"{host.name} has one port, by which the laptop would cut itself off: its adoption cannot be rehearsed",
             hint="adopt it over its serial line, or give it user, certificate and address by hand (docs/adopt.md)",
         )
-    laptop = ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
-    changes = {"factory": True, "users": (User(name=FACTORY_USER),), "first_contact": laptop, "certificates": ()}
+    laptop = routeros.ManagementSpec(address=f"{FACTORY_ADDRESS}/24", port=port, technician="192.168.88.10")
+    changes = {
+        "factory": True,
+        "users": (routeros.User(name=FACTORY_USER),),
+        "first_contact": laptop,
+        "certificates": (),
+    }
     router = spec.router.model_copy(update={**changes, "serial": serial})
-    return spec.model_copy(update={"router": router, "link": RouterLink()})
+    return spec.model_copy(update={"router": router, "link": routeros.RouterLink()})
 
 
-def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay | None = None) -> TwinSpec:
-    managed_device = get_managed_device(declaration, host)
+def _twin(declaration: Declaration, host: Host, via: str | None, replay: Replay | None = None) -> routeros.TwinSpec:
+    managed_device = kinds.get_managed_device(declaration, host)
     hardware, place, access = managed_device.hardware, managed_device.place, managed_device.access
-    return TwinSpec(
-        router=RouterSpec(
+    return routeros.TwinSpec(
+        router=routeros.RouterSpec(
             name=host.name,
             board=hardware.board,
             serial_number=f"TWIN{crc32(host.name.encode()):08X}",
             ports=hardware.ports,
             poe_ports=hardware.poe_ports,
-            radios=tuple(Radio(name=name) for name in hardware.radios),
+            radios=tuple(routeros.Radio(name=name) for name in hardware.radios),
             modem=hardware.modem,
             packages=hardware.packages,
-            users=(User(name=access.user, password=access.password.reveal()),),
-            management=ManagementSpec(address=place.address, port=place.port, technician=place.technician),
+            users=(routeros.User(name=access.user, password=access.password.reveal()),),
+            management=routeros.ManagementSpec(address=place.address, port=place.port, technician=place.technician),
             certificates=managed_device.certificates,
             neighbours=_around(declaration, host),
         ),
@@ -270,8 +261,8 @@ def _around(declaration: Declaration, host: Host) -> tuple[str, ...]:
     return tuple(str(address) for bearer in bearers for address in (bearer.gateway, *bearer.canaries))
 
 
-def link(declaration: Declaration, host: Host, via: str, replay: Replay | None = None) -> RouterLink:
+def link(declaration: Declaration, host: Host, via: str, replay: Replay | None = None) -> routeros.RouterLink:
     """Make the twin's link as the bearer is declared or replayed, and count on the router's port that it hangs on."""
     port = next((port for port, name in ports_of(host).items() if name == via), None)
     up, down = shapes_to(declaration, host.site, via, replay)
-    return RouterLink(up=up, down=down, port=port)
+    return routeros.RouterLink(up=up, down=down, port=port)

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.crash_report import report_crash
-from atlantis_netcfg.core.errors import REHEARSE, NetcfgError, UsageError, nearest
 from atlantis_netcfg.core.paths import hold_own, state_dir
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory.examples import by_line
@@ -45,22 +45,22 @@ def of_variables(variables: Mapping[str, object]) -> dict[str, Any]:
 
     for name in variables:
         if name.startswith("atlantis_") and name not in {_REQUEST, *_FIELDS}:
-            suggestion = nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
-            raise UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
+            suggestion = errors.nearest(name, (_REQUEST, *_FIELDS)) or ACCEPT_COST
+            raise errors.UsageError(f"there is no extra variable `{name}`", hint=f"did you mean `{suggestion}`?")
     request = variables.get(_REQUEST) or {}
     if not isinstance(request, dict):
-        raise UsageError(f"{_REQUEST} is no mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`")
+        raise errors.UsageError(f"{_REQUEST} is no mapping: {request}", hint=f"type `-e '{{\"{_REQUEST}\": {{…}}}}'`")
     for key, value in request.items():
         if key not in Request.model_fields:
-            suggestion = nearest(str(key), Request.model_fields) or "mode"
-            raise UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{suggestion}`?")
+            suggestion = errors.nearest(str(key), Request.model_fields) or "mode"
+            raise errors.UsageError(f"{_REQUEST} has no key `{key}`", hint=f"did you mean `{suggestion}`?")
         if (why := wrong(Request, str(key), value)) is not None:
-            raise UsageError(f"{_REQUEST}: {why}")
+            raise errors.UsageError(f"{_REQUEST}: {why}")
     options = {}
     for name, field in _FIELDS.items():
         text = str(variables.get(name, "false"))
         if text.lower() not in _BOOLEANS:
-            raise UsageError(
+            raise errors.UsageError(
                 f"{name} is neither true nor false: {text}", hint=f"type `-e {name}=true`, or leave it out"
             )
         if name in variables:
@@ -207,7 +207,7 @@ class EventStream:
         """Tell how devices ended; `runs`: site to kind of device (each has runs of its own) to run id."""
         self._send({"devices": devices, "runs": runs})
 
-    def error(self, error: NetcfgError) -> None:
+    def error(self, error: errors.NetcfgError) -> None:
         """Tell why the request as a whole was refused."""
         self._send({"error": {"message": str(error), "hint": error.hint, "exit": int(error.exit)}})
 
@@ -249,7 +249,7 @@ def open_request(request: Mapping[str, Any] | None, *, plan_only: bool) -> Itera
     channel = EventStream(run_request.events_fd)
     try:
         yield run_request, channel
-    except NetcfgError as error:
+    except errors.NetcfgError as error:
         channel.error(error)
         raise
     except Exception as fault:
@@ -266,13 +266,13 @@ def refuse_examples(declaration: Declaration, *, is_rehearsal: bool) -> None:
     """Raise UsageError if devices of an inventory that still holds example values are to be contacted."""
     if not declaration.pilot.example_values or is_rehearsal:
         return
-    hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {REHEARSE}"
+    hint = f"replace them and set `example_values: false` in group_vars/all/pilot.yml, or {errors.REHEARSE}"
     if declaration.examples:
         first = "\n".join(f"  {line}" for line in by_line(declaration.examples)[:_MAX_LINES])
         hint += (
             f"\n{len(declaration.examples)} values are examples; `provision validate --examples` lists them:\n{first}"
         )
-    raise UsageError(
+    raise errors.UsageError(
         "the inventory still holds example values, which lead to nobody's devices: only a rehearsal may use them",
         hint=hint,
     )

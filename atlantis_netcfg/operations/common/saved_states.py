@@ -11,17 +11,16 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NoMatchError
 from atlantis_netcfg.operations.common.kinds import is_supported
 from atlantis_netcfg.operations.restore import LATEST
-from atlantis_netcfg.runs import DamagedStateError, NoSuchRun, Store
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
     from pathlib import Path
 
     from atlantis_netcfg.inventory import Host
-    from atlantis_netcfg.runs import Run, SavedState
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +49,14 @@ def hosts_of_run(hosts: Iterable[Host], names: Collection[str]) -> tuple[Host, .
     return result
 
 
-def stores(state: Path, *, is_rehearsal: bool) -> tuple[Store, ...]:
+def stores(state: Path, *, is_rehearsal: bool) -> tuple[runs.Store, ...]:
     """Where runs are looked for, in this order."""
     return tuple(
-        Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
+        runs.Store(state, is_rehearsal=is_emulated) for is_emulated in ((False, True) if is_rehearsal else (False,))
     )
 
 
-def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, is_rehearsal: bool = False) -> Run:
+def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, is_rehearsal: bool = False) -> runs.Run:
     """Find the run before which a site is put back; `latest` is the newest that has saved a state of these hosts.
 
     Rollbacks are passed over: who types `to=latest` twice is at the same state, and not where it began. So is what only
@@ -77,7 +76,7 @@ def saved_run(state: Path, site: str, name: str, hosts: Iterable[str] = (), *, i
     raise NoMatchError(f"no run of {site} has saved a state of {', '.join(devices)}", hint=_LIST_HINT)
 
 
-def hosts_to_restore(run: Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
+def hosts_to_restore(run: runs.Run, hosts: Sequence[Host], *, is_explicit: bool) -> tuple[Host, ...]:
     """Return the hosts whose state before a run is put back; `is_explicit`: a person has chosen them one by one.
 
     Raises StateDamaged if the journal does not tell what became of one of the others; then a person names those that
@@ -98,22 +97,22 @@ def hosts_to_restore(run: Run, hosts: Sequence[Host], *, is_explicit: bool) -> t
     if run.damage and not (is_explicit and saved_hosts):
         raise run.damage_error(hint)
     if unknown:
-        raise DamagedStateError(
+        raise runs.DamagedStateError(
             f"the journal of run {run.id} does not say what became of {', '.join(unknown)}", hint=hint
         )
     return hosts_of_run(hosts, [host.name for host in saved_hosts])
 
 
-def _find_run(places: Sequence[Store], site: str, name: str) -> Run:
+def _find_run(places: Sequence[runs.Store], site: str, name: str) -> runs.Run:
     """The run of that name. Raises NoSuchRun, which lists the runs of the first place that has any."""
     candidates = [store for store in places if site in store.sites()] or [*places]
     for store in candidates:
-        with suppress(NoSuchRun):
+        with suppress(runs.NoSuchRun):
             return store.run(site, name)
     return candidates[0].run(site, name)
 
 
-def before_rollback(state: Path, hosts: Sequence[Host], run: Run) -> list[StartState]:
+def before_rollback(state: Path, hosts: Sequence[Host], run: runs.Run) -> list[StartState]:
     """What stands for the devices as they are now: what was read back last, else what is declared."""
     return [
         _read_back(host, last)
@@ -127,12 +126,12 @@ def before_rollback(state: Path, hosts: Sequence[Host], run: Run) -> list[StartS
     ]
 
 
-def before_resuming(state: Path, hosts: Sequence[Host], broken: Run) -> list[StartState]:
+def before_resuming(state: Path, hosts: Sequence[Host], broken: runs.Run) -> list[StartState]:
     """What stands for the devices as the broken run has left them, if they have taken its changes back."""
     return [_before_resuming(state, host, broken) for host in hosts]
 
 
-def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
+def _before_resuming(state: Path, host: Host, broken: runs.Run) -> StartState:
     if not is_supported(host):
         return StartState(
             host.name,
@@ -160,13 +159,13 @@ def _before_resuming(state: Path, host: Host, broken: Run) -> StartState:
     )
 
 
-def _last_confirmed(state: Path, host: Host, run: Run) -> SavedState | None:
+def _last_confirmed(state: Path, host: Host, run: runs.Run) -> runs.SavedState | None:
     """What was read back last by runs of the same kind: what an emulated device was stands for no real one."""
     is_rehearsal = run.start_record is not None and run.start_record.rehearsed
-    return Store(state, is_rehearsal=is_rehearsal).last_confirmed(host.site, (host.name,)).get(host.name)
+    return runs.Store(state, is_rehearsal=is_rehearsal).last_confirmed(host.site, (host.name,)).get(host.name)
 
 
-def _read_back(host: Host, last: SavedState) -> StartState:
+def _read_back(host: Host, last: runs.SavedState) -> StartState:
     return StartState(
         host.name,
         f"first brought to what run {last.run} read back at {last.at:%Y-%m-%d %H:%M} UTC",

@@ -8,22 +8,12 @@ from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import ExitCode, UsageError, complete
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict, worst
 from atlantis_netcfg.inventory.model import Router, SatelliteTerminal
-from atlantis_netcfg.links.satellite import Backup, SatelliteEvidence, judge_carrier_nat, judge_evidence
+from atlantis_netcfg.links import satellite
 from atlantis_netcfg.operations.common.request import Mode, declaration_of, open_request
-from atlantis_netcfg.runs import (
-    ActionConfirmation,
-    DamagedStateError,
-    JournalError,
-    LayerSent,
-    PlanRecord,
-    Record,
-    Recorder,
-    Store,
-    write_atomically,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -46,7 +36,7 @@ class TerminalResult:
 
     name: str
     model: str | None
-    evidence: SatelliteEvidence | None
+    evidence: satellite.SatelliteEvidence | None
     findings: tuple[BearerFinding, ...]
 
     @property
@@ -55,9 +45,9 @@ class TerminalResult:
         return worst(finding.verdict for finding in self.findings) if self.findings else Verdict.PASS
 
     @property
-    def exit(self) -> ExitCode:
+    def exit(self) -> errors.ExitCode:
         """A backup that differs is a failed check; what nobody has looked at is told, and is none."""
-        return ExitCode.CHECKS_FAILED if self.verdict in (Verdict.FAIL, Verdict.ERROR) else ExitCode.DONE
+        return errors.ExitCode.CHECKS_FAILED if self.verdict in (Verdict.FAIL, Verdict.ERROR) else errors.ExitCode.DONE
 
     @property
     def message(self) -> str:
@@ -99,7 +89,7 @@ def is_terminal(host: Host) -> bool:
 
 
 def look(
-    declaration: Declaration, host: Host, store: Store, *, today: date, backup: Path | None = None
+    declaration: Declaration, host: Host, store: runs.Store, *, today: date, backup: Path | None = None
 ) -> TerminalResult:
     """Judge what is declared of a terminal; nothing is written. `backup` names the file instead of looking for it.
 
@@ -110,8 +100,8 @@ def look(
     evidence = _evidence(device)
     backup_file = _backup(declaration.root, evidence, backup)
     saved_firmware = _load_firmware(store).get(host.name)
-    judgements = judge_evidence(host.name, evidence, backup_file, saved_firmware, today)
-    findings = [replace(item, hint=item.hint and complete(item.hint, site=host.site)) for item in judgements]
+    judgements = satellite.judge_evidence(host.name, evidence, backup_file, saved_firmware, today)
+    findings = [replace(item, hint=item.hint and errors.complete(item.hint, site=host.site)) for item in judgements]
     return TerminalResult(host.name, device.model, evidence, (*findings, *_network_side(declaration, host, device)))
 
 
@@ -121,7 +111,7 @@ def perform(
     """Look at the terminals of a play and give `per_host`, each result as Ansible shows it. Raises NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, channel):
         declaration = declaration_of(inventory)
-        store = Store(run_request.state, is_rehearsal=run_request.rehearsed)
+        store = runs.Store(run_request.state, is_rehearsal=run_request.rehearsed)
         today = datetime.now(UTC).astimezone().date()
         results = {name: look(declaration, declaration.hosts[name], store, today=today) for name in hosts}
         if run_request.mode is Mode.APPLY:
@@ -134,7 +124,13 @@ def perform(
 
 def _of_host(result: TerminalResult) -> dict[str, Any]:
     lines = "\n".join([result.message, *(_words(finding) for finding in result.findings)])
-    return {**result.as_dict(), "ok": result.exit is ExitCode.DONE, "changed": False, "message": lines, "shown": ""}
+    return {
+        **result.as_dict(),
+        "ok": result.exit is errors.ExitCode.DONE,
+        "changed": False,
+        "message": lines,
+        "shown": "",
+    }
 
 
 def _words(finding: BearerFinding) -> str:
@@ -142,11 +138,11 @@ def _words(finding: BearerFinding) -> str:
     return f"{finding.verdict}: {finding.message}{hint}"
 
 
-def _evidence(device: SatelliteTerminal) -> SatelliteEvidence | None:
+def _evidence(device: SatelliteTerminal) -> satellite.SatelliteEvidence | None:
     evidence = device.evidence
     if evidence is None:
         return None
-    return SatelliteEvidence(
+    return satellite.SatelliteEvidence(
         firmware=evidence.firmware,
         allow_list=evidence.allow_list,
         by=evidence.by,
@@ -161,19 +157,19 @@ def _network_side(declaration: Declaration, host: Host, device: SatelliteTermina
     site = declaration.sites[host.site]
     bearer = next((bearer.name for bearer in site.bearers if bearer.device == host.name), host.name)
     routers = [other.device for other in declaration.site_hosts(host.site) if isinstance(other.device, Router)]
-    return judge_carrier_nat(
+    return satellite.judge_carrier_nat(
         bearer, None if address is None else str(address), forwards=any(router.forwards for router in routers)
     )
 
 
-def _backup(root: Path, evidence: SatelliteEvidence | None, file: Path | None) -> Backup | None:
+def _backup(root: Path, evidence: satellite.SatelliteEvidence | None, file: Path | None) -> satellite.Backup | None:
     """The file that a person names, or the declared one below the inventory."""
     if file is not None:
-        return Backup(str(file), _sha256(file))
+        return satellite.Backup(str(file), _sha256(file))
     if evidence is None or evidence.backup_file is None:
         return None
     path = root / EVIDENCE_FOLDER / evidence.backup_file
-    return Backup(f"{EVIDENCE_FOLDER}/{evidence.backup_file}", _sha256(path)) if path.is_file() else None
+    return satellite.Backup(f"{EVIDENCE_FOLDER}/{evidence.backup_file}", _sha256(path)) if path.is_file() else None
 
 
 def _sha256(path: Path) -> str:
@@ -183,10 +179,10 @@ def _sha256(path: Path) -> str:
     except OSError as error:
         reason = error.strerror or str(error)
         hint = "name the backup that the terminal has exported"
-        raise UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
+        raise errors.UsageError(f"the backup {path} cannot be read: {reason}", hint=hint) from error
 
 
-def _load_firmware(store: Store) -> dict[str, str]:
+def _load_firmware(store: runs.Store) -> dict[str, str]:
     """The firmware of each terminal as the last run has recorded it. Raises StateDamaged.
 
     A run that may change devices records which one was declared: the next run says if it has changed.
@@ -198,16 +194,16 @@ def _load_firmware(store: Store) -> dict[str, str]:
         return {}
     except (OSError, ValueError, AttributeError) as error:
         hint = "remove it: the next run records anew what is declared"
-        raise DamagedStateError(f"the record of the terminals cannot be read: {path}", hint=hint) from error
+        raise runs.DamagedStateError(f"the record of the terminals cannot be read: {path}", hint=hint) from error
 
 
-def _record(store: Store, results: Iterable[TerminalResult]) -> None:
+def _record(store: runs.Store, results: Iterable[TerminalResult]) -> None:
     before = _load_firmware(store)
     after = {**before, **{result.name: result.evidence.firmware for result in results if result.evidence is not None}}
     if after != before:
         store.root.mkdir(mode=0o700, parents=True, exist_ok=True)
         text = json.dumps(after, indent=1, sort_keys=True)
-        write_atomically(store.root / "terminals.json", f"{text}\n".encode())
+        runs.write_atomically(store.root / "terminals.json", f"{text}\n".encode())
 
 
 _MENU, _FIELD = "/interface/lte", "pin"
@@ -244,9 +240,9 @@ class TriedPin:
         """Note on disk that a PIN is about to be sent. Raises JournalFailed: then it must not be sent."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-            write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
+            runs.write_atomically(self.path, f"{datetime.now(UTC):%Y-%m-%d %H:%M:%S} UTC\n".encode())
         except OSError as error:
-            raise JournalError(
+            raise runs.JournalError(
                 f"it cannot be noted that a PIN is tried: {error.strerror or error} ({self.path})",
                 hint="make room on the disk or correct its permissions, then run the same command again",
             ) from error
@@ -259,23 +255,23 @@ class TriedPin:
 class PinRecorder:
     """A journal that notes, before a PIN is sent, that it is tried; and forgets that once it was read back as taken."""
 
-    def __init__(self, inner: Recorder, pin_attempt: TriedPin) -> None:
+    def __init__(self, inner: runs.Recorder, pin_attempt: TriedPin) -> None:
         self._inner = inner
         self._pin_attempt = pin_attempt
         self._numbers: frozenset[int] = frozenset()
         self._sent = False
 
-    def write(self, record: Record) -> None:
+    def write(self, record: runs.Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
-        if isinstance(record, PlanRecord):
+        if isinstance(record, runs.PlanRecord):
             self._numbers = frozenset(
                 action.number for action in record.actions if action.menu == _MENU and _FIELD in dict(action.values)
             )
-        elif isinstance(record, LayerSent) and self._numbers & set(record.actions):
+        elif isinstance(record, runs.LayerSent) and self._numbers & set(record.actions):
             self._pin_attempt.remember()
             self._sent = True
         self._inner.write(record)
-        if isinstance(record, ActionConfirmation) and self._sent:
+        if isinstance(record, runs.ActionConfirmation) and self._sent:
             self._pin_attempt.forget()
 
     def save(self, device: str, text: str) -> None:

@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg.computers.dds import profile_in_use
 from atlantis_netcfg.computers.dds_link import links_without_dds
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import Finding
-from atlantis_netcfg.inventory.model import ControlCentre, DdsPath, Gateway, Router, Switch
+from atlantis_netcfg.inventory import Finding, model
 from atlantis_netcfg.inventory.rules.satellite import BUDGET_HINT
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.cost import size
@@ -43,15 +42,14 @@ from atlantis_netcfg.links.standing_traffic import (
 )
 from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.routeros.render import router_view
+from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.client import site_link
-from atlantis_netcfg.vpn.identity import RENEGOTIATION_S, ROUTEROS_RENEGOTIATION_S, TIMERS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from atlantis_netcfg.computers.dds import ProfileView
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Bearer, TelemetryTopic
     from atlantis_netcfg.routeros.render.view import Uplink
 
 _CHECK_GATEWAY_S: Final = 10.0
@@ -108,9 +106,13 @@ def _of_canaries(uplinks: Iterable[Uplink]) -> dict[str, tuple[StandingFlow, ...
     return result
 
 
-def _shared_flows(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
+def _shared_flows(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
     """What goes over whichever bearer has the traffic; `bearer`, because reliable topics depend on its pace."""
-    clients = [host for host in declaration.site_hosts(site) if isinstance(host.device, Router | Switch | Gateway)]
+    clients = [
+        host
+        for host in declaration.site_hosts(site)
+        if isinstance(host.device, model.Router | model.Switch | model.Gateway)
+    ]
     yield from (time_questions(len(declaration.pilot.time_servers), _LONGEST_POLL_S) for _ in clients)
     if declaration.hosts[declaration.pilot.vpn.server].site != site:
         yield from _through_the_vpn(declaration, site, bearer)
@@ -122,7 +124,7 @@ def _shared_flows(declaration: Declaration, site: str, bearer: Bearer) -> Iterat
             yield from (flow.mirror() for flow in _through_the_vpn(declaration, name, slowest))
 
 
-def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Iterator[StandingFlow]:
+def _through_the_vpn(declaration: Declaration, site: str, bearer: model.Bearer) -> Iterator[StandingFlow]:
     """What the tunnels of a site say, and what goes through them over a bearer."""
     crosses = bearer.name not in links_without_dds(declaration, site)
     computers, foreign = _computers(declaration, site), _foreign(declaration, site)
@@ -131,15 +133,15 @@ def _through_the_vpn(declaration: Declaration, site: str, bearer: Bearer) -> Ite
     yield from announcements
     if senders:
         yield _telemetry(declaration, site, computers[0][1], declared_pace(bearer))
-    ping_s = TIMERS[site_link(declaration, site)][0]
-    over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is DdsPath.LAN
+    ping_s = identity.TIMERS[site_link(declaration, site)][0]
+    over_lan = declaration.pilot.dds is not None and declaration.pilot.dds.over is model.DdsPath.LAN
     router = declaration.router_of(site)
     every_s = computers[0][1].tuning.announce_s if announcements else None
-    idle = keep_alive(ping_s, RENEGOTIATION_S, None, None)
-    busy = keep_alive(ping_s, RENEGOTIATION_S, every_s, every_s)
-    if router is not None and isinstance(router.device, Router) and router.device.vpn_client is not None:
+    idle = keep_alive(ping_s, identity.RENEGOTIATION_S, None, None)
+    busy = keep_alive(ping_s, identity.RENEGOTIATION_S, every_s, every_s)
+    if router is not None and isinstance(router.device, model.Router) and router.device.vpn_client is not None:
         own_s = every_s if over_lan else None
-        yield keep_alive(ping_s, ROUTEROS_RENEGOTIATION_S, own_s, own_s)
+        yield keep_alive(ping_s, identity.ROUTEROS_RENEGOTIATION_S, own_s, own_s)
     gateways = [host for host in declaration.site_hosts(site) if getattr(host.device, "vpn_address", None) is not None]
     yield from (busy if crosses and not over_lan else idle for _ in gateways)
     yield from (busy for _ in foreign if not over_lan)
@@ -149,7 +151,9 @@ def _computers(declaration: Declaration, site: str) -> list[tuple[str, ProfileVi
     """Address and profile of each computer of a site that talks DDS through the VPN."""
     if declaration.pilot.dds is None:
         return []
-    hosts = [host for host in declaration.site_hosts(site) if isinstance(host.device, Gateway | ControlCentre)]
+    hosts = [
+        host for host in declaration.site_hosts(site) if isinstance(host.device, model.Gateway | model.ControlCentre)
+    ]
     computers = [(view.address, view) for view in (profile_in_use(declaration, host) for host in hosts)]
     return computers + [(address, computers[0][1]) for address in _foreign(declaration, site) if computers]
 
@@ -168,9 +172,9 @@ def _announcements(
     for address, view in senders:
         for name, peer in view.peers:
             outgoing, refusal_bytes = _pair(view, peer)
-            if peer in here and peer != address and view.over is DdsPath.VPN:
+            if peer in here and peer != address and view.over is model.DdsPath.VPN:
                 yield StandingFlow(TrafficSource.DDS, outgoing + refusal_bytes, outgoing + refusal_bytes)
-            elif peer not in here and not (view.over is DdsPath.LAN and name in declaration.vehicles):
+            elif peer not in here and not (view.over is model.DdsPath.LAN and name in declaration.vehicles):
                 host = declaration.hosts.get(name)
                 incoming, refused_here = _pair(view, peer)
                 if host is not None:
@@ -210,20 +214,20 @@ def publishing_profile(declaration: Declaration, site: str) -> ProfileView | Non
 
 def control_centres(declaration: Declaration) -> int:
     """Subscribers of each topic."""
-    return sum(isinstance(host.device, ControlCentre) for host in declaration.hosts.values())
+    return sum(isinstance(host.device, model.ControlCentre) for host in declaration.hosts.values())
 
 
-def steady(item: TelemetryTopic) -> SteadyTopic:
+def steady(item: model.TelemetryTopic) -> SteadyTopic:
     """A declared topic, at its declared rate."""
     return SteadyTopic(item.rate_hz, item.size_bytes, item.reliable)
 
 
-def declared_pace(bearer: Bearer) -> LinkPace:
+def declared_pace(bearer: model.Bearer) -> LinkPace:
     """How quick a bearer is, as declared."""
     return LinkPace(bearer.rate.rtt_ms / 1000, bearer.rate.up_kbps * 1000)
 
 
-def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | None:
+def over_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFinding | None:
     """Compare what goes over a bearer by itself with what is declared for it; None: it keeps to that, or is free."""
     if bearer.metered and not bearer.has_standing_budget and traffic.month_bytes:
         return _without_budget(bearer, traffic)
@@ -243,7 +247,7 @@ def over_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding | Non
     return BearerFinding(Verdict.WARN, "standing-over-budget", message, hint)
 
 
-def _without_budget(bearer: Bearer, traffic: StandingTraffic) -> BearerFinding:
+def _without_budget(bearer: model.Bearer, traffic: StandingTraffic) -> BearerFinding:
     amount = f"{size(traffic.month_bytes)} a month ({traffic.bill.money})"
     message = f"no budget is declared for what goes over {bearer.name} by itself: {amount}"
     return BearerFinding(Verdict.WARN, "no-standing-budget", message, BUDGET_HINT)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import shlex
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import TRUST
 from atlantis_netcfg.inventory.model import SshHost, VpnServer
 from atlantis_netcfg.operations.common.session_link import bearer_of
-from atlantis_netcfg.runs import make_private, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,10 +68,10 @@ def _declared_key(host: Host, request: Request) -> str:
         return ""
     path = request.state / "known_hosts" / host.name
     line = f"{host.name} {device.ssh.host_key}\n".encode()
-    with os_errors_as("the declared host key", path):
+    with runs.os_errors_as("the declared host key", path):
         if not path.is_file() or path.read_bytes() != line:
-            make_private(path.parent)
-            write_atomically(path, line)
+            runs.make_private(path.parent)
+            runs.write_atomically(path, line)
     only = (f'UserKnownHostsFile="{path}"', "GlobalKnownHostsFile=/dev/null", "UpdateHostKeys=no")
     return "".join(f" -o {shlex.quote(option)}" for option in only)
 

@@ -22,32 +22,22 @@ from atlantis_netcfg.computers.interop import gateway_interop
 from atlantis_netcfg.computers.recording import packages as recorder
 from atlantis_netcfg.computers.retrieval import PACKAGES as RETRIEVAL
 from atlantis_netcfg.computers.ros1_bridge import packages as bridge
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.emulator import lab
 from atlantis_netcfg.emulator.lab import stubs
 from atlantis_netcfg.emulator.lab.stubs.image import NOT_REHEARSED as NO_IMAGES
 from atlantis_netcfg.emulator.lab.stubs.interop import NOT_REHEARSED as NO_LIBRARY
 from atlantis_netcfg.emulator.lab.stubs.interop import InteropProjects, serve_git
-from atlantis_netcfg.inventory.model import (
-    ROS1_BRIDGE,
-    HostedService,
-    Model,
-    Ros1Bridge,
-    ServerComputer,
-    ServiceContainer,
-    ServiceProgram,
-    SiteComputer,
-    SshHost,
-)
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations.common.request import StandIns, Target
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
 from atlantis_netcfg.runs import write_atomically
+from atlantis_netcfg.vpn import requests
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.model import HandoutFile
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
 from atlantis_netcfg.vpn.members import server_names
-from atlantis_netcfg.vpn.requests import DeviceWords, computers, request_of
 from atlantis_netcfg.vpn.server import PACKAGES as VPN
 
 if TYPE_CHECKING:
@@ -89,19 +79,23 @@ class RehearsedComputers:
 
 @contextmanager
 def rehearsed_computers(
-    declaration: Declaration, hosts: Sequence[Host], folder: Path, notify: Subscriber
+    declaration: Declaration, hosts: Sequence[Host], folder: Path, notify: events.Subscriber
 ) -> Iterator[RehearsedComputers]:
     """Start a computer for each of that kind among `hosts`; they end with the context. Raises MachineFailed."""
     computers = [host for host in hosts if is_computer(host)]
     if not computers:
         yield RehearsedComputers()
         return
-    lab.provide(lambda words: notify(Event(computers[0].name, Stage.CONNECTING, words)))
+    lab.provide(lambda words: notify(events.Event(computers[0].name, events.Stage.CONNECTING, words)))
     if why := lab.why_not():
         yield RehearsedComputers(left_out={host.name: why for host in computers})
         return
     for host in computers:
-        notify(Event(host.name, Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"))
+        notify(
+            events.Event(
+                host.name, events.Stage.CONNECTING, "a Debian is made for it; the first time that takes two minutes"
+            )
+        )
     root = lab.build_rootfs(tree_spec(declaration))
     folder.mkdir(mode=0o700, exist_ok=True)
     public = _key(folder / "key")
@@ -109,7 +103,7 @@ def rehearsed_computers(
         ground = stack.enter_context(lab.open_lab(folder))
         machines = {host.name: _start_machine(ground, declaration, host, root, public) for host in computers}
         targets = {name: _target(machine, folder) for name, machine in machines.items()}
-        serving = [host.device for host in computers if isinstance(host.device, ServerComputer)]
+        serving = [host.device for host in computers if isinstance(host.device, model.ServerComputer)]
         servers = any(map(is_server, computers))
         images = {host.name: _provide_images(machines[host.name], host.device, root) for host in computers}
         stand_ins = (
@@ -152,7 +146,7 @@ def tree_spec(declaration: Declaration) -> lab.TreeSpec:
     """
     package_names = {"colcon", "gnupg", "python3-colcon-cmake", "python3-colcon-recursive-crawl", *VPN, *RETRIEVAL}
     for host in declaration.hosts.values():
-        if isinstance(host.device, ServerComputer):
+        if isinstance(host.device, model.ServerComputer):
             package_names |= {item.name for item in gateway_base(declaration, host).packages}
             package_names |= {package.name for package in gateway_interop(declaration, host).packages}
     return lab.TreeSpec(packages=tuple(sorted(package_names)))
@@ -190,15 +184,15 @@ _CLOCK = "the clock: chrony runs and leaves it alone, for it is this computer's"
 
 
 def _declares_network(host: Host) -> bool:
-    return isinstance(host.device, SiteComputer) and host.device.network is not None
+    return isinstance(host.device, model.SiteComputer) and host.device.network is not None
 
 
 def _start_machine(ground: lab.Lab, declaration: Declaration, host: Host, root: Path, public: str) -> lab.Machine:
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, SshHost)  # noqa: S101 - `is_computer` has said so
+    assert isinstance(device, model.SshHost)  # noqa: S101 - `is_computer` has said so
     interface = IPv4Interface(f"{device.address}/{lan.network.prefixlen}")
     machine = ground.start(host.name, root, address=str(interface), gateway=str(lan.gateway), keys=(public,))
-    if not isinstance(device, ServerComputer):
+    if not isinstance(device, model.ServerComputer):
         return machine
     machine.put("/etc/systemd/system/chrony.service.d/rehearsal.conf", "[Unit]\nConditionCapability=\n")
     machine.put("/etc/default/chrony", 'DAEMON_OPTS="-F 1 -x"\n')
@@ -208,14 +202,14 @@ def _start_machine(ground: lab.Lab, declaration: Declaration, host: Host, root: 
     return machine
 
 
-def _provide_images(machine: lab.Machine, device: Model, root: Path) -> dict[str, str]:
+def _provide_images(machine: lab.Machine, device: model.Model, root: Path) -> dict[str, str]:
     """Bring stand-ins for the images of its containers to where a person brings the real ones."""
-    if not isinstance(device, ServerComputer):
+    if not isinstance(device, model.ServerComputer):
         return {}
-    containers: dict[str, tuple[ServiceContainer | Ros1Bridge | None, str, int]] = {
+    containers: dict[str, tuple[model.ServiceContainer | model.Ros1Bridge | None, str, int]] = {
         each.name: (each.container, each.transport.value, each.port or 0) for each in device.services
     }
-    containers[ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
+    containers[model.ROS1_BRIDGE] = (device.ros1_bridge, "tcp", 0)
     images = {}
     for name, (box, kind, port) in containers.items():
         if box is not None and box.archive is not None:
@@ -227,7 +221,7 @@ def _provide_images(machine: lab.Machine, device: Model, root: Path) -> dict[str
     return images
 
 
-def _service_programs(device: ServerComputer) -> list[tuple[HostedService, ServiceProgram]]:
+def _service_programs(device: model.ServerComputer) -> list[tuple[model.HostedService, model.ServiceProgram]]:
     """What is started for the services of a computer."""
     return [(service, service.program) for service in device.services if service.program is not None]
 
@@ -267,5 +261,11 @@ def create_authority(declaration: Declaration, folder: Path) -> Path:
         return HandoutFile(str(path), hashlib.sha256(data).hexdigest())
 
     with authority.unlock(lambda: passphrase, _WHO) as signer:
-        signer.issue([request_of(declaration, DeviceWords(host=name)) for name in computers(declaration)], deliver)
+        signer.issue(
+            [
+                requests.request_of(declaration, requests.DeviceWords(host=name))
+                for name in requests.computers(declaration)
+            ],
+            deliver,
+        )
     return folder

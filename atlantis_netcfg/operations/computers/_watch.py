@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from difflib import unified_diff
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, complete
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.operations.apply import RunName, SiteRun
 from atlantis_netcfg.operations.common.request import EventStream, Mode, Request, declaration_of
@@ -107,7 +107,7 @@ class ComputerResult:
         return {Mode.PLAN: Status.PLANNED, Mode.DRIFT: Status.DRIFTED}.get(self.mode, Status.CHANGED)
 
     @property
-    def exit(self) -> ExitCode:
+    def exit(self) -> errors.ExitCode:
         """The exit code of a run that ended so on its only device."""
         has_findings = self.findings and self.status is not Status.PLANNED
         return self.status.exit if self.is_recorded and not has_findings else self.status.exit.unproven_code
@@ -162,7 +162,7 @@ class ComputerResult:
             "reached": self.was_reached,
             "exit": int(self.exit),
             "message": self.message,
-            "hint": self.hint and complete(self.hint, site=self.site, device=self.name),
+            "hint": self.hint and errors.complete(self.hint, site=self.site, device=self.name),
             "busy": "",
             "planned": len(self.changes),
             "confirmed": self.confirmed_actions,
@@ -196,7 +196,7 @@ def _differences(result: object) -> Iterator[str]:
             yield "\n".join(unified_diff(before, after, *names, lineterm="", n=1))
 
 
-_refusals: list[NetcfgError] = []
+_refusals: list[errors.NetcfgError] = []
 """Why this process may not go on: its tasks are children of it, and see what it held when they began."""
 
 
@@ -243,7 +243,7 @@ class Watch:
                 self._turns[site] = SiteRun(declaration, site, computers, request, run_name)
                 self._turns[site].begin()
                 self._tell_run(site)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             _refusals.append(error)
             self.close()
             return

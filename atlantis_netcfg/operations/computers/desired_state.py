@@ -11,9 +11,8 @@ from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.operations.common.costs import gate
 from atlantis_netcfg.operations.common.request import declaration_of, open_request, refuse_examples
 from atlantis_netcfg.operations.common.site_links import link_of
-from atlantis_netcfg.operations.computers import _watch
+from atlantis_netcfg.operations.computers import _watch, parts
 from atlantis_netcfg.operations.computers._access import is_computer, is_server
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, concerns, refuse_unfounded
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -71,26 +70,26 @@ def perform(
 ) -> dict[str, Any]:
     """Give `per_host` for the part of that name, and refuse what the run may not do. Raises NetcfgError."""
     with open_request(request, plan_only=plan_only) as (run_request, _):
-        if part not in PARTS:
-            raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(PARTS)}")
+        if part not in parts.PARTS:
+            raise UsageError(f"`{part}` is no part of a computer", hint=f"there are: {', '.join(parts.PARTS)}")
         declaration = declaration_of(inventory)
         computers = [declaration.hosts[name] for name in hosts if is_computer(declaration.hosts[name])]
         refuse_examples(declaration, is_rehearsal=run_request.rehearsed)
         gate(declaration, computers, run_request)
         _watch.refuse()
-        if part == ACCESS:
+        if part == parts.ACCESS:
             _open_bundle(declaration, computers, run_request)
-            refuse_unfounded(computers, run_request)
+            parts.refuse_unfounded(computers, run_request)
         bundle = bundle_of(run_request.offline)
         return {
             "per_host": {
                 host.name: narrow(
-                    PARTS[part](declaration, host, run_request),
+                    parts.PARTS[part](declaration, host, run_request),
                     fetching(declaration, host, run_request, bundle),
                     bundle,
                 )
                 for host in computers
-                if concerns(part, host)
+                if parts.concerns(part, host)
             }
         }
 

@@ -9,12 +9,11 @@ import base64
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from atlantis_netcfg.computers import ros2
 from atlantis_netcfg.computers.base import gateway_base
 from atlantis_netcfg.computers.dds import gateway_dds
 from atlantis_netcfg.computers.interop import gateway_interop
-from atlantis_netcfg.computers.ros2 import ArchiveKey, StandIn, gateway_ros2
-from atlantis_netcfg.inventory import Declaration, Host
-from atlantis_netcfg.inventory.model import ControlCentre, Gateway, Model, OperatorStation, VpnServer
+from atlantis_netcfg.inventory import Declaration, Host, model
 from atlantis_netcfg.operations.common.request import Request
 from atlantis_netcfg.operations.computers._access import computer_access, is_server
 from atlantis_netcfg.vpn.client import openvpn_client
@@ -29,10 +28,10 @@ SERVER = "openvpn_server"
 def _ros2(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
     stand_ins = request.standins if request.rehearsed else None
     if stand_ins is None:
-        return gateway_ros2(declaration, host).as_dict()
-    key = ArchiveKey(base64.b64decode(stand_ins.key), stand_ins.fingerprint)
-    stand_in = StandIn(stand_ins.archive, key, stand_ins.codename, stand_ins.distribution)
-    return gateway_ros2(declaration, host, stand_in).as_dict()
+        return ros2.gateway_ros2(declaration, host).as_dict()
+    key = ros2.ArchiveKey(base64.b64decode(stand_ins.key), stand_ins.fingerprint)
+    stand_in = ros2.StandIn(stand_ins.archive, key, stand_ins.codename, stand_ins.distribution)
+    return ros2.gateway_ros2(declaration, host, stand_in).as_dict()
 
 
 def _interop(declaration: Declaration, host: Host, request: Request) -> Mapping[str, Any]:
@@ -68,11 +67,11 @@ def _server(declaration: Declaration, host: Host, request: Request) -> Mapping[s
 
 
 _SERVING = ("gateway_base", "openvpn_client", "gateway_ros2", "gateway_interop", "gateway_dds")
-KINDS: Mapping[type[Model], tuple[str, ...]] = {
-    Gateway: _SERVING,
-    ControlCentre: _SERVING,
-    OperatorStation: ("gateway_base", "openvpn_client"),
-    VpnServer: (SERVER,),
+KINDS: Mapping[type[model.Model], tuple[str, ...]] = {
+    model.Gateway: _SERVING,
+    model.ControlCentre: _SERVING,
+    model.OperatorStation: ("gateway_base", "openvpn_client"),
+    model.VpnServer: (SERVER,),
 }
 """Kind of a computer -> its roles. Of an operator station `gateway_base` has the network alone."""
 

@@ -20,8 +20,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol, Self
 
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, OutcomeUnknown
-from atlantis_netcfg.core.processes.remote_bundle import INSTALL, Tool, build_live
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.core.processes import remote_bundle
 from atlantis_netcfg.operations.computers._access import key_trouble
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 
-class ServerAway(OutcomeUnknown):
+class ServerAway(errors.OutcomeUnknown):
     """The server was not reached: nothing was changed there."""
 
 
@@ -37,18 +37,18 @@ class HostKeyMismatch(ServerAway):
     """Somebody answers at the server's address who has another host key: nothing was told to him."""
 
 
-class AnswerLost(OutcomeUnknown):
+class AnswerLost(errors.OutcomeUnknown):
     """The server was asked, and its answer did not come whole."""
 
 
-class ServerRefusal(DeviceError):
+class ServerRefusal(errors.DeviceError):
     """The server has said why it does not do what it was asked for."""
 
 
-class RecordOlder(NetcfgError):
+class RecordOlder(errors.NetcfgError):
     """The server has what this record does not know: by a restored copy a revoked member would come back."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
     def __init__(self, why: str) -> None:
         super().__init__(
@@ -201,7 +201,7 @@ class _RemoteLink:
         raise NotImplementedError
 
     def _start(self) -> None:
-        tool = build_live()
+        tool = remote_bundle.build_live()
         self._process = subprocess.Popen(  # noqa: S603 - our own words
             self._words(_command(tool)), stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._stderr, bufsize=0
         )
@@ -218,7 +218,7 @@ class _RemoteLink:
             elif line.startswith(_MARK):
                 return
 
-    def _install(self, tool: Tool, line: bytes) -> None:
+    def _install(self, tool: remote_bundle.Tool, line: bytes) -> None:
         python_release = tuple(int(number[:9]) for number in line.split()[1:] if number.isdigit())
         if python_release < PYTHON:
             is_there, minimum = (".".join(map(str, version)) for version in (python_release, PYTHON))
@@ -226,7 +226,7 @@ class _RemoteLink:
                 f"{self.name} has Python {is_there}, and at least {minimum} is needed",
                 hint="that comes with Debian 11 and Ubuntu 20.04",
             )
-        self._send(INSTALL.read_bytes() + tool.payload)
+        self._send(remote_bundle.INSTALL.read_bytes() + tool.payload)
         self.round_trips += 1
 
     def _send(self, data: bytes) -> None:
@@ -314,10 +314,10 @@ class SshLink(_RemoteLink):
         return ssh_error(self.name, self._access, code, text)
 
 
-def _command(tool: Tool) -> str:
+def _command(tool: remote_bundle.Tool) -> str:
     """Run the tool if it is there and whole; else say which Python is there, and wait for the tool."""
     path = f"{FOLDER}/{tool.sha256}.pyz"
-    program = f"import sys; exec(sys.stdin.buffer.read({INSTALL.stat().st_size}))"
+    program = f"import sys; exec(sys.stdin.buffer.read({remote_bundle.INSTALL.stat().st_size}))"
     words = (FOLDER, tool.sha256, str(len(tool.payload)), _INSTALL_MARK, "serve")
     return (
         f"if echo '{tool.sha256}  {path}' | sha256sum -c --status 2>/dev/null; then exec python3 -I {path}; fi; "

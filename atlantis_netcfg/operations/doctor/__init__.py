@@ -19,20 +19,12 @@ from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import ALL, InventoryInvalid, choose, load
 from atlantis_netcfg.operations.computers._access import is_computer
+from atlantis_netcfg.operations.doctor import reachability
 from atlantis_netcfg.operations.doctor.clock import clock_items
 from atlantis_netcfg.operations.doctor.folders import folder_items, read_runs
 from atlantis_netcfg.operations.doctor.items import Diagnosis, DoctorItem, DoctorSection
 from atlantis_netcfg.operations.doctor.keys import authority_item, key_items
 from atlantis_netcfg.operations.doctor.network import NetworkUnreadable, read_network
-from atlantis_netcfg.operations.doctor.reachability import (
-    RouterPlace,
-    ask_router,
-    judge_ports,
-    judge_router,
-    judge_way,
-    router_places,
-    why_not_contacted,
-)
 from atlantis_netcfg.operations.doctor.software import software_items
 from atlantis_netcfg.runs import Store
 
@@ -109,9 +101,9 @@ def _way_items(
 ) -> Iterator[DoctorItem]:
     try:
         if declaration is None or site is None:
-            yield judge_ports(read_network(None))
+            yield reachability.judge_ports(read_network(None))
             return
-        for place in router_places(declaration, site, via, _pin_reader(state)):
+        for place in reachability.router_places(declaration, site, via, _pin_reader(state)):
             yield from _towards(place)
     except NetworkUnreadable as trouble:
         yield DoctorItem(DoctorSection.WAY, "network", Verdict.INCONCLUSIVE, str(trouble))
@@ -129,19 +121,19 @@ def _pin_reader(state: Path | None) -> Callable[[str], str | None]:
     return read_pin
 
 
-def _towards(place: RouterPlace) -> Iterator[DoctorItem]:
+def _towards(place: reachability.RouterPlace) -> Iterator[DoctorItem]:
     """The way to a router, and the router itself where the way is right."""
     if place.example:
         observation = f"the addresses of {place.site} are examples, which lead to nobody's devices"
         yield DoctorItem(DoctorSection.WAY, "way", Verdict.SKIP, observation)
-        yield judge_ports(read_network(None))
+        yield reachability.judge_ports(read_network(None))
         return
-    way = judge_way(place, read_network(place.address))
+    way = reachability.judge_way(place, read_network(place.address))
     yield from way
-    if (reason := why_not_contacted(place, way)) is not None:
+    if (reason := reachability.why_not_contacted(place, way)) is not None:
         yield DoctorItem(DoctorSection.WAY, "router", Verdict.SKIP, reason)
     else:
-        yield from judge_router(place, ask_router(place))
+        yield from reachability.judge_router(place, reachability.ask_router(place))
 
 
 def _follows(declaration: Declaration | None, site: str | None) -> str:

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import InventoryInvalid, load
-from atlantis_netcfg.inventory.model import LteRouter, SiteComputer, SshHost
+from atlantis_netcfg.inventory import InventoryInvalid, load, model
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.vault import PROMPTS
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
@@ -220,10 +219,10 @@ def known_devices_item(
 def _is_known(declaration: Declaration, host: Host, pins: Pins, is_known: Callable[[str], bool]) -> bool:
     if is_supported(host):
         return bool(get_managed_device(declaration, host).access.fingerprint or pins.get(host.name))
-    if isinstance(host.device, LteRouter):
+    if isinstance(host.device, model.LteRouter):
         fingerprint = host.device.access.fingerprint if host.device.access is not None else None
         return bool(fingerprint or pins.get(host.name))
-    assert isinstance(host.device, SshHost)  # noqa: S101 - `has_identity` has said so
+    assert isinstance(host.device, model.SshHost)  # noqa: S101 - `has_identity` has said so
     return host.device.ssh.host_key is not None or is_known(host.name)
 
 
@@ -251,7 +250,7 @@ def key_items(
         yield password_file_item(file, declaration.root)
     keys = laptop_keys(home, agent_keys())
     for host in hosts:
-        if isinstance(host.device, SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
+        if isinstance(host.device, model.SiteComputer) and host.device.image is not None and host.device.image.ssh_keys:
             if declaration.pilot.example_values:
                 yield _item(f"SSH key for {host.name}", Verdict.SKIP, "its declared keys are examples")
             else:

@@ -25,7 +25,7 @@ from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.kinds import get_managed_device
 from atlantis_netcfg.operations.common.session_link import LAN, bearer_of
 from atlantis_netcfg.operations.doctor.items import DoctorItem, DoctorSection
-from atlantis_netcfg.routeros.api import Endpoint, Unreachable, shown_certificate
+from atlantis_netcfg.routeros import api
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -343,11 +343,11 @@ class RouterAnswer:
 
 def ask_router(place: RouterPlace) -> RouterAnswer:
     """Open one TLS connection to the router's API, look at its certificate, close: nobody logs in."""
-    endpoint = Endpoint(str(place.address), place.api_port, "", Secret(""), None, connect_timeout_s=_CONNECT_S)
+    endpoint = api.Endpoint(str(place.address), place.api_port, "", Secret(""), None, connect_timeout_s=_CONNECT_S)
     try:
-        certificate = asyncio.run(shown_certificate(endpoint))
+        certificate = asyncio.run(api.shown_certificate(endpoint))
         read = x509.load_der_x509_certificate(certificate)
-    except (Unreachable, OSError, ValueError) as error:
+    except (api.Unreachable, OSError, ValueError) as error:
         return RouterAnswer(str(error))
     digest = hashlib.sha256(certificate).hexdigest()
     return RouterAnswer(None, digest, read.not_valid_before_utc, read.not_valid_after_utc)

@@ -18,32 +18,24 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from atlantis_netcfg import inventory
 from atlantis_netcfg.computers.dds_link import links_without_dds
-from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError, nearest
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory import ALL, Finding, choose
-from atlantis_netcfg.inventory.model import TelemetryData
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.rules.vehicles import beside_guideline
+from atlantis_netcfg.links import standing_traffic
 from atlantis_netcfg.links.cost import bill
-from atlantis_netcfg.links.standing_traffic import DAY_S, TrafficSource
+from atlantis_netcfg.operations.common import traffic_budget
 from atlantis_netcfg.operations.common.site_links import bearer_named, links_of
-from atlantis_netcfg.operations.common.traffic_budget import (
-    control_centres,
-    publishing_profile,
-    standing_traffic,
-    steady,
-)
-from atlantis_netcfg.operations.fit.link_capacity import USABLE, Capacity, capacity_of, named_run, newest_run
+from atlantis_netcfg.operations.fit import link_capacity
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from datetime import datetime
 
-    from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Bearer, RosMiddleware, TelemetryTopic
     from atlantis_netcfg.links.cost import Bill, MeteredLink
     from atlantis_netcfg.links.qualify.archive import KeptRun
-    from atlantis_netcfg.links.standing_traffic import DdsMessages, MessageCost
     from atlantis_netcfg.runs import Store
 
 LOSSY: Final = 0.1
@@ -51,7 +43,7 @@ LOSSY: Final = 0.1
 LONG_S: Final = 1.0
 """A message that takes longer to leave the site holds up all others, and a queue on the way may drop its end."""
 _HOUR_S: Final = 3600
-_THINNED_FIRST: Final = (TelemetryData.POINT_CLOUDS, TelemetryData.IMAGES, TelemetryData.NUMBERS)
+_THINNED_FIRST: Final = (model.TelemetryData.POINT_CLOUDS, model.TelemetryData.IMAGES, model.TelemetryData.NUMBERS)
 _STEPS: Final = 40
 """Of halving an interval: the rates are rounded far more coarsely."""
 
@@ -60,10 +52,10 @@ _STEPS: Final = 40
 class TopicFit:
     """One topic on one bearer, all subscribers together."""
 
-    topic: TelemetryTopic
+    topic: model.TelemetryTopic
     rate_hz: float
     """At which it fits, together with the others; the declared one where nothing has to be thinned."""
-    cost: MessageCost
+    cost: standing_traffic.MessageCost
     """Of a message at the declared rate, to one subscriber."""
     up_bps: float
     """At the declared rate."""
@@ -110,7 +102,7 @@ class LinkFit:
     """A vehicle on one bearer."""
 
     link: MeteredLink
-    capacity: Capacity
+    capacity: link_capacity.Capacity
     topics: tuple[TopicFit, ...]
     other_up_bps: float
     """What the site says by itself, without telemetry."""
@@ -168,7 +160,7 @@ class LinkFit:
         """Why this verdict."""
         if self.fits:
             return self.capacity.doubt or f"measured, {self.capacity.run}"
-        return f"more than {USABLE:.0%} of the capacity would be used at these rates"
+        return f"more than {link_capacity.USABLE:.0%} of the capacity would be used at these rates"
 
     def costs(self, seconds: int, *, is_thinned: bool = False) -> Bill:
         """What goes over it in so many seconds, both ways, with what the site says by itself."""
@@ -190,7 +182,7 @@ class LinkFit:
                 "down_bps": round(down),
                 "rtt_s": self.capacity.pace.rtt_s,
                 "loss_up": self.capacity.loss,
-                "usable": USABLE,
+                "usable": link_capacity.USABLE,
             },
             "topics": [_topic_as_dict(topic) for topic in self.topics],
             "by_itself": {"up_bps": round(self.other_up_bps), "down_bps": round(self.other_down_bps)},
@@ -200,7 +192,10 @@ class LinkFit:
         }
 
     def _sums(self, up_bps: float, down_bps: float, *, is_thinned: bool) -> dict[str, Any]:
-        hour, day = self.costs(_HOUR_S, is_thinned=is_thinned), self.costs(DAY_S, is_thinned=is_thinned)
+        hour, day = (
+            self.costs(_HOUR_S, is_thinned=is_thinned),
+            self.costs(standing_traffic.DAY_S, is_thinned=is_thinned),
+        )
         return {
             "up_bps": round(up_bps),
             "down_bps": round(down_bps),
@@ -240,15 +235,15 @@ class VehicleFit:
 
     site: str
     vehicle: str
-    middleware: RosMiddleware
+    middleware: model.RosMiddleware
     subscribers: int
     links: tuple[LinkFit, ...]
 
     @property
-    def exit(self) -> ExitCode:
+    def exit(self) -> errors.ExitCode:
         """Green where every bearer that was asked for is measured and the telemetry fits it as declared."""
         green = all(link.verdict in {Verdict.PASS, Verdict.WARN} for link in self.links)
-        return ExitCode.DONE if green else ExitCode.CHECKS_FAILED
+        return errors.ExitCode.DONE if green else errors.ExitCode.CHECKS_FAILED
 
     def as_json(self) -> dict[str, Any]:
         """The object that `--json` prints."""
@@ -264,7 +259,7 @@ class VehicleFit:
 
 
 def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
-    declaration: Declaration,
+    declaration: inventory.Declaration,
     stores: Sequence[Store],
     site: str,
     vehicle: str,
@@ -279,27 +274,38 @@ def vehicle_fit(  # noqa: PLR0913 - what a person types, and the moment
     published. UsageError, StateDamaged.
     """
     topics = _telemetry(declaration, site, vehicle)
-    profile, subscribers = publishing_profile(declaration, site), control_centres(declaration)
+    profile, subscribers = (
+        traffic_budget.publishing_profile(declaration, site),
+        traffic_budget.control_centres(declaration),
+    )
     if profile is None or not subscribers:
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"nobody at {site} publishes to a control centre",
             hint="declare a control centre, and a gateway or a peer of `dds:` at the site",
         )
-    selected_run = None if run is None else named_run(stores, site, run)
-    links, flows = links_of(declaration, site), {each.link.name: each for each in standing_traffic(declaration, site)}
+    selected_run = None if run is None else link_capacity.named_run(stores, site, run)
+    links, flows = (
+        links_of(declaration, site),
+        {each.link.name: each for each in traffic_budget.standing_traffic(declaration, site)},
+    )
     without = links_without_dds(declaration, site)
     fits, days = [], declaration.sites[site].checklist.qualified_within_days
     for bearer in _bearers(declaration, site, link, selected_run):
-        measured_run = selected_run or (newest_run(stores[0], site, bearer) if stores else None)
-        capacity = capacity_of(bearer, measured_run, now, days)
-        by_itself = [flow for flow in flows[bearer.name].flows if flow.source is not TrafficSource.TELEMETRY]
-        other = sum(flow.up for flow in by_itself) * 8 / DAY_S, sum(flow.down for flow in by_itself) * 8 / DAY_S
+        measured_run = selected_run or (link_capacity.newest_run(stores[0], site, bearer) if stores else None)
+        capacity = link_capacity.capacity_of(bearer, measured_run, now, days)
+        by_itself = [
+            flow for flow in flows[bearer.name].flows if flow.source is not standing_traffic.TrafficSource.TELEMETRY
+        ]
+        other = (
+            sum(flow.up for flow in by_itself) * 8 / standing_traffic.DAY_S,
+            sum(flow.down for flow in by_itself) * 8 / standing_traffic.DAY_S,
+        )
         carrier = _LinkLoad(capacity, profile.messages, subscribers, other, bearer.name not in without)
         fits.append(carrier.fit(links[bearer.name], topics))
     return VehicleFit(site, vehicle, profile.middleware, subscribers, tuple(fits))
 
 
-def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
+def fits_nowhere(declaration: inventory.Declaration, now: datetime) -> Iterator[inventory.Finding]:
     """Vehicles that are tested at a site of which no link carries what they publish, by the declared rates.
 
     Each is a warning at the site's first link: not a vehicle that fits one when it is thinned.
@@ -309,7 +315,7 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
         for key, vehicle in declaration.vehicles.items():
             if not vehicle.telemetry or (vehicle_names is not None and key not in vehicle_names):
                 continue
-            with suppress(NoMatchError):
+            with suppress(errors.NoMatchError):
                 fit = vehicle_fit(declaration, (), name, key, now)
                 if not any(link.fits_thinned and link.crosses for link in fit.links):
                     message = (
@@ -317,35 +323,40 @@ def fits_nowhere(declaration: Declaration, now: datetime) -> Iterator[Finding]:
                         "also at the lowest useful rates"
                     )
                     hint = f"`provision fit site={name} vehicle={key}` says how much, and what would fit"
-                    yield Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
+                    yield inventory.Finding.at(declaration.places[name, site.bearers[0].name], message, hint)
 
 
-def require_vehicle(declaration: Declaration, site: str, vehicle: str) -> None:
+def require_vehicle(declaration: inventory.Declaration, site: str, vehicle: str) -> None:
     """Raises UsageError and NothingMatched, with what exists."""
-    if site == ALL:
-        raise UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
-    choose(declaration, site)
+    if site == inventory.ALL:
+        raise errors.UsageError("`provision fit` is about one site at a time", hint="type its name: `site=coastal`")
+    inventory.choose(declaration, site)
     if vehicle not in declaration.vehicles:
-        near, choices = nearest(vehicle, declaration.vehicles), f"the vehicles are: {', '.join(declaration.vehicles)}"
+        near, choices = (
+            errors.nearest(vehicle, declaration.vehicles),
+            f"the vehicles are: {', '.join(declaration.vehicles)}",
+        )
         hint = f"did you mean `{near}`? {choices}" if near else choices
-        raise NoMatchError(f"there is no vehicle `{vehicle}`", hint=hint)
+        raise errors.NoMatchError(f"there is no vehicle `{vehicle}`", hint=hint)
 
 
-def _telemetry(declaration: Declaration, site: str, vehicle: str) -> tuple[TelemetryTopic, ...]:
+def _telemetry(declaration: inventory.Declaration, site: str, vehicle: str) -> tuple[model.TelemetryTopic, ...]:
     require_vehicle(declaration, site, vehicle)
     topics = declaration.vehicles[vehicle].telemetry
     if not topics:
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"`{vehicle}` has no `telemetry:`: nothing is known of what it publishes",
             hint="declare its topics in group_vars/all/vehicles.yml; docs/cost.md shows how",
         )
     return topics
 
 
-def _bearers(declaration: Declaration, site: str, link: str | None, selected_run: KeptRun | None) -> Sequence[Bearer]:
+def _bearers(
+    declaration: inventory.Declaration, site: str, link: str | None, selected_run: KeptRun | None
+) -> Sequence[model.Bearer]:
     if selected_run is not None:
         if link is not None and link != selected_run.run.link:
-            raise UsageError(
+            raise errors.UsageError(
                 f"run {selected_run.run.id} has measured {selected_run.run.link}, not {link}", hint="leave out `link=`"
             )
         link = selected_run.run.link
@@ -356,34 +367,34 @@ def _bearers(declaration: Declaration, site: str, link: str | None, selected_run
 class _LinkLoad:
     """A bearer, and how topics go over it."""
 
-    capacity: Capacity
-    messages: DdsMessages
+    capacity: link_capacity.Capacity
+    messages: standing_traffic.DdsMessages
     subscribers: int
     other: tuple[float, float]
     """What it carries besides, up and down, in bit/s."""
     crosses: bool
 
-    def fit(self, link: MeteredLink, topics: Sequence[TelemetryTopic]) -> LinkFit:
+    def fit(self, link: MeteredLink, topics: Sequence[model.TelemetryTopic]) -> LinkFit:
         rates = self._thin_rates(topics)
         up, down = self._load(topics, rates)
         fits = tuple(self._topic(topic, rate) for topic, rate in zip(topics, rates, strict=True))
         return LinkFit(link, self.capacity, fits, *self.other, up, down, self.crosses)
 
-    def _cost(self, topic: TelemetryTopic, rate_hz: float) -> MessageCost:
-        return self.messages.cost(replace(steady(topic), rate_hz=rate_hz), self.capacity.pace)
+    def _cost(self, topic: model.TelemetryTopic, rate_hz: float) -> standing_traffic.MessageCost:
+        return self.messages.cost(replace(traffic_budget.steady(topic), rate_hz=rate_hz), self.capacity.pace)
 
-    def _bps(self, topic: TelemetryTopic, rate_hz: float) -> tuple[float, float]:
+    def _bps(self, topic: model.TelemetryTopic, rate_hz: float) -> tuple[float, float]:
         cost, each = self._cost(topic, rate_hz), rate_hz * self.subscribers * 8
         return cost.bytes_up * each, cost.bytes_down * each
 
-    def _load(self, topics: Sequence[TelemetryTopic], rates: Sequence[float]) -> tuple[float, float]:
+    def _load(self, topics: Sequence[model.TelemetryTopic], rates: Sequence[float]) -> tuple[float, float]:
         loads = [self._bps(topic, rate) for topic, rate in zip(topics, rates, strict=True)]
         return self.other[0] + sum(up for up, _ in loads), self.other[1] + sum(down for _, down in loads)
 
-    def _within(self, topics: Sequence[TelemetryTopic], rates: Sequence[float]) -> bool:
+    def _within(self, topics: Sequence[model.TelemetryTopic], rates: Sequence[float]) -> bool:
         return self.capacity.admits(*self._load(topics, rates))
 
-    def _thin_rates(self, topics: Sequence[TelemetryTopic]) -> list[float]:
+    def _thin_rates(self, topics: Sequence[model.TelemetryTopic]) -> list[float]:
         """The rates at which all fit, as far as they do."""
         rates = [topic.rate_hz for topic in topics]
         for data in _THINNED_FIRST:
@@ -395,7 +406,9 @@ class _LinkLoad:
             rates = self._between(topics, lowest, rates) if self._within(topics, lowest) else lowest
         return rates
 
-    def _between(self, topics: Sequence[TelemetryTopic], low: Sequence[float], high: Sequence[float]) -> list[float]:
+    def _between(
+        self, topics: Sequence[model.TelemetryTopic], low: Sequence[float], high: Sequence[float]
+    ) -> list[float]:
         """The highest rates that fit, all of them at the same place between `low`, which fit, and `high`."""
 
         def at(share: float) -> list[float]:
@@ -410,7 +423,7 @@ class _LinkLoad:
             for rate, least, most in zip(at(below), low, high, strict=True)
         ]
 
-    def _topic(self, topic: TelemetryTopic, rate_hz: float) -> TopicFit:
+    def _topic(self, topic: model.TelemetryTopic, rate_hz: float) -> TopicFit:
         cost, pace, loss = self._cost(topic, topic.rate_hz), self.capacity.pace, self.capacity.loss
         up, down = self._bps(topic, topic.rate_hz)
         return TopicFit(
@@ -421,7 +434,7 @@ class _LinkLoad:
             down,
             up / pace.up_bps,
             pace.sends_in_s(cost.bytes_up * self.subscribers),
-            _rounded_down(USABLE / pace.sends_in_s(cost.bytes_up * self.subscribers), 0.0),
+            _rounded_down(link_capacity.USABLE / pace.sends_in_s(cost.bytes_up * self.subscribers), 0.0),
             None if loss is None else 1 - (1 - loss) ** cost.fragments,
         )
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Final
 import yaml
 from pydantic import ValidationError
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import Guest, TelemetryTopic
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.operations import guests, robots
 from atlantis_netcfg.operations.common import inventory_files
 from atlantis_netcfg.robots.observation import RobotState
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from datetime import date
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Vehicle
     from atlantis_netcfg.inventory.model.robot import RobotFile
     from atlantis_netcfg.links import BearerFinding
     from atlantis_netcfg.robots.observation import RobotReport
@@ -29,10 +28,10 @@ if TYPE_CHECKING:
 _VEHICLES: Final = "group_vars/all/vehicles.yml"
 
 
-class TelemetryUnknown(NetcfgError):
+class TelemetryUnknown(errors.NetcfgError):
     """What a vehicle publishes was not heard, or not all of it."""
 
-    exit = ExitCode.CHECKS_FAILED
+    exit = errors.ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +41,7 @@ class MeasuredTelemetry:
     site: str
     vehicle: str
     seconds: float
-    topics: tuple[TelemetryTopic, ...]
+    topics: tuple[model.TelemetryTopic, ...]
     """Those that its configuration names: what else it publishes nobody at the control centre reads."""
     others: tuple[str, ...]
     """Topics that its configuration does not name."""
@@ -86,7 +85,7 @@ def measure(
 
 
 def telemetry_of(
-    site: str, report: RobotReport, robot: RobotFile, vehicle: Vehicle, seconds: float
+    site: str, report: RobotReport, robot: RobotFile, vehicle: model.Vehicle, seconds: float
 ) -> MeasuredTelemetry:
     """The telemetry of a report. Raises TelemetryUnmeasured where a topic's rate is not known."""
     least = {robot.full_name(item.topic): item.least_hz for item in vehicle.telemetry}
@@ -95,7 +94,7 @@ def telemetry_of(
         writers = [each for each in report.topics if each.topic == topic.name]
         rates = [each.rate_hz for each in writers if each.rate_hz is not None]
         try:
-            entry = TelemetryTopic(
+            entry = model.TelemetryTopic(
                 topic=topic.name,
                 data=topic.kind.data,
                 rate_hz=float(f"{sum(rates):.3g}"),
@@ -137,7 +136,7 @@ class TelemetryChange:
 def change(declaration: Declaration, telemetry: MeasuredTelemetry, day: date) -> TelemetryChange:
     """The file with these topics, everything else as it is."""
     vehicle, rows = declaration.vehicles[telemetry.vehicle], [_row(each) for each in telemetry.topics]
-    block, file = ("guests", guests.FILE) if isinstance(vehicle, Guest) else ("vehicles", _VEHICLES)
+    block, file = ("guests", guests.FILE) if isinstance(vehicle, model.Guest) else ("vehicles", _VEHICLES)
     before = (declaration.root / file).read_bytes().decode()
     if vehicle.telemetry == telemetry.topics:
         return TelemetryChange(file, before, before, rows)
@@ -158,15 +157,17 @@ def write(declaration: Declaration, telemetry: MeasuredTelemetry, edit: Telemetr
         message = f"nothing was written, for `{telemetry.vehicle}` is not as its file says: {wrong.message}"
         raise TelemetryUnknown(message, hint=f"`provision robot discover site={telemetry.site}` says all that differs")
     if (declaration.root / edit.file).read_bytes().decode() != edit.before:
-        raise UsageError(f"{edit.file} has changed meanwhile: nothing was written", hint="type the same again")
+        raise errors.UsageError(f"{edit.file} has changed meanwhile: nothing was written", hint="type the same again")
     if edit.after is None:
         hint = "write the lines there that are shown without `--write`"
-        raise UsageError(f"`{telemetry.vehicle}` is not written in {edit.file} as this command can write it", hint=hint)
+        raise errors.UsageError(
+            f"`{telemetry.vehicle}` is not written in {edit.file} as this command can write it", hint=hint
+        )
     if edit.difference:
         inventory_files.write(declaration.root, edit.file, edit.after)
 
 
-def _row(topic: TelemetryTopic) -> str:
+def _row(topic: model.TelemetryTopic) -> str:
     values = topic.model_dump(mode="json", exclude_defaults=True)
     return f"- {yaml.safe_dump(values, default_flow_style=True, sort_keys=False, width=1000).strip()}"
 

@@ -7,18 +7,17 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import NetcfgError, NoMatchError, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, LteRouter, Router, SatelliteTerminal
-from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors, events
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.links import BearerFinding, policy
 from atlantis_netcfg.links.cost import Bill, bill
-from atlantis_netcfg.links.policy import BearerRoute, active_bearers, probe_commands
 from atlantis_netcfg.links.satellite import judge_names
 from atlantis_netcfg.operations.allow_list_test.plan import named_targets, resolve
+from atlantis_netcfg.operations.common import session_link
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.common.jobs import endpoint_of
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
-from atlantis_netcfg.operations.common.session_link import FAST_S, LAN, PATIENCE_S, bearer_of
 from atlantis_netcfg.operations.common.site_links import links_of
 from atlantis_netcfg.operations.common.traffic_budget import over_budget, standing_traffic
 from atlantis_netcfg.operations.links.session import PINGS, ReadOnlySession, RouterReading, read_router
@@ -42,7 +41,6 @@ from atlantis_netcfg.operations.links.status import (
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.routeros.estimate import BearerProfile as Carrier
 from atlantis_netcfg.routeros.estimate import on_the_wire
-from atlantis_netcfg.runs import Counters, MonthBytes, Store, Usage
 from atlantis_netcfg.runs.report.links import LinksReport
 
 if TYPE_CHECKING:
@@ -63,8 +61,8 @@ class LinkQueries:
     router: Host
     """Of the site that is looked at."""
     request: Request
-    notify: Subscriber
-    patience_s: float = PATIENCE_S
+    notify: events.Subscriber
+    patience_s: float = session_link.PATIENCE_S
     answers: dict[str, Any] = field(default_factory=dict)
     """Host name to its reading, or to Silent."""
     not_asked: dict[str, str] = field(default_factory=dict)
@@ -72,7 +70,9 @@ class LinkQueries:
     doors: dict[str, ReadOnlySession] = field(default_factory=dict)
     """Host name to what was spent on it; RouterOS devices only."""
 
-    async def ask(self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[BearerRoute]) -> None:
+    async def ask(
+        self, hosts: Sequence[Host], selected_hosts: Sequence[Host], routes: Sequence[policy.BearerRoute]
+    ) -> None:
         """Query `selected_hosts`, those that can be queried, all at the same time."""
         names = {host.name for host in selected_hosts}
         work = []
@@ -92,35 +92,35 @@ class LinkQueries:
     def _why_not(self, host: Host) -> str | None:
         """Why a host is not to be asked; None if it is."""
         device = host.device
-        if isinstance(device, SatelliteTerminal):
+        if isinstance(device, model.SatelliteTerminal):
             return "no machine interface of it is documented: a person looks at its pages"
-        if isinstance(device, LteRouter) and device.driver is LteDriver.MANUAL:
+        if isinstance(device, model.LteRouter) and device.driver is model.LteDriver.MANUAL:
             return "`driver: manual`: a person looks at its own page"
-        if not is_supported(host) and not isinstance(device, LteRouter):
+        if not is_supported(host) and not isinstance(device, model.LteRouter):
             return f"nobody reads a {device.kind.replace('_', ' ')} yet"
         missing = self.request.rehearsed and host.name not in self.request.targets
         return "it is not emulated in this rehearsal" if missing else None
 
-    async def _read_host(self, host: Host, routes: Sequence[BearerRoute]) -> None:
-        self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
+    async def _read_host(self, host: Host, routes: Sequence[policy.BearerRoute]) -> None:
+        self.notify(events.Event(host.name, events.Stage.CONNECTING, "to be read, not changed"))
         try:
             self.answers[host.name] = await self._reading(host, routes)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             self.answers[host.name] = Silent(
-                host.name, str(error), error.hint and complete(error.hint, site=host.site, device=host.name)
+                host.name, str(error), error.hint and errors.complete(error.hint, site=host.site, device=host.name)
             )
-            self.notify(Event(host.name, Stage.FAILED, str(error)))
+            self.notify(events.Event(host.name, events.Stage.FAILED, str(error)))
         else:
-            self.notify(Event(host.name, Stage.DONE, self._usage_text(host.name)))
+            self.notify(events.Event(host.name, events.Stage.DONE, self._usage_text(host.name)))
 
-    def _reading(self, host: Host, routes: Sequence[BearerRoute]) -> Awaitable[Any]:
-        if isinstance(host.device, Router):
+    def _reading(self, host: Host, routes: Sequence[policy.BearerRoute]) -> Awaitable[Any]:
+        if isinstance(host.device, model.Router):
             return read_router(self._door(host), routes)
-        if isinstance(host.device, Cpe):
+        if isinstance(host.device, model.Cpe):
             return read_radio(self._door(host))
-        assert isinstance(host.device, LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
+        assert isinstance(host.device, model.LteRouter)  # noqa: S101 - `boxes` yields no other kind that can be asked
         unit = self.unit(host, host.device)
-        if host.device.driver is LteDriver.ROUTEROS:
+        if host.device.driver is model.LteDriver.ROUTEROS:
             return read_routeros(self._door(host), unit)
         return read_by_driver(unit)
 
@@ -131,9 +131,9 @@ class LinkQueries:
         """
         return _carrier(self.declaration, self.router, host, self.request)
 
-    def unit(self, host: Host, device: LteRouter) -> LteUnit:
+    def unit(self, host: Host, device: model.LteRouter) -> LteUnit:
         """A 4G unit as its driver wants it."""
-        store = Store(self.request.state, is_rehearsal=self.request.rehearsed)
+        store = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed)
         target = self.request.targets.get(host.name)
         return LteUnit(host, device, store, self.notify, self.request.rehearsed, target)
 
@@ -152,7 +152,7 @@ class LinkQueries:
 
 
 def session_to(
-    declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = PATIENCE_S
+    declaration: Declaration, site: str, host: Host, request: Request, patience_s: float = session_link.PATIENCE_S
 ) -> ReadOnlySession:
     """The way to a RouterOS device for one who is at a site, or looks at it from afar; nothing is opened yet.
 
@@ -161,16 +161,16 @@ def session_to(
     """
     endpoint = endpoint_of(host, get_managed_device(declaration, host).access, request)
     router = next(
-        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), host
+        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, model.Router)), host
     )
-    if _carrier(declaration, router, host, request).rtt_s < FAST_S:
+    if _carrier(declaration, router, host, request).rtt_s < session_link.FAST_S:
         endpoint = replace(endpoint, connect_timeout_s=patience_s)
     return ReadOnlySession(host.name, endpoint)
 
 
 def _carrier(declaration: Declaration, router: Host, host: Host, request: Request) -> Carrier:
     here = host if host.site == router.site else router
-    return bearer_of(declaration, here, request.via.get(here.name))
+    return session_link.bearer_of(declaration, here, request.via.get(here.name))
 
 
 def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
@@ -179,24 +179,24 @@ def boxes(declaration: Declaration, router: Host) -> Iterator[Host]:
     seen_names = {router.name}
     for bearer in declaration.sites[router.site].bearers:
         box = declaration.hosts.get(bearer.device or "")
-        far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, Cpe) else None
+        far = declaration.hosts.get(box.device.ptp.peer) if box and isinstance(box.device, model.Cpe) else None
         for host in (box, far):
             if host is not None and host.name not in seen_names:
                 seen_names.add(host.name)
                 yield host
 
 
-def ping_bytes(routes: Sequence[BearerRoute]) -> Mapping[str, int]:
+def ping_bytes(routes: Sequence[policy.BearerRoute]) -> Mapping[str, int]:
     """Bearer to what its pings come to on the wire if all are answered."""
     costs: dict[str, int] = {}
-    for probe in probe_commands(routes, count=PINGS):
+    for probe in policy.probe_commands(routes, count=PINGS):
         costs[probe.bearer] = costs.get(probe.bearer, 0) + probe.wire_bytes
     return costs
 
 
 def months(
-    usage: Usage, device: str, reading: RouterReading | None, routes: Sequence[BearerRoute], now: datetime
-) -> dict[str, MonthBytes]:
+    usage: runs.Usage, device: str, reading: RouterReading | None, routes: Sequence[policy.BearerRoute], now: datetime
+) -> dict[str, runs.MonthBytes]:
     """Keep the counters of this look, and say what is known of the month. Raises JournalFailed, StateDamaged."""
     for name, counters in _counters(device, reading, routes, now):
         usage.record(name, counters)
@@ -204,8 +204,8 @@ def months(
 
 
 def _counters(
-    device: str, reading: RouterReading | None, routes: Sequence[BearerRoute], now: datetime
-) -> Iterator[tuple[str, Counters]]:
+    device: str, reading: RouterReading | None, routes: Sequence[policy.BearerRoute], now: datetime
+) -> Iterator[tuple[str, runs.Counters]]:
     if reading is None or reading.ports is None:
         return
     for route in routes:
@@ -214,7 +214,7 @@ def _counters(
             continue
         yield (
             route.name,
-            Counters(
+            runs.Counters(
                 device=device,
                 interface=route.port,
                 rx_bytes=port.rx_bytes,
@@ -235,7 +235,7 @@ def bills(queries: LinkQueries, active: tuple[str, ...] | None, seconds: float) 
     bytes_by_link: dict[str, int] = {}
     for name, session in queries.doors.items():
         link = queries.carrier(queries.declaration.hosts[name]).name
-        if link != LAN.name and active is not None and len(active) == 1 and not queries.request.rehearsed:
+        if link != session_link.LAN.name and active is not None and len(active) == 1 and not queries.request.rehearsed:
             link = active[0]
         if links[link].is_metered and session.traffic:
             bytes_by_link[link] = bytes_by_link.get(link, 0) + on_the_wire(session.bytes, session.connections)
@@ -249,7 +249,7 @@ class LinksStatus:
     bearers: tuple[BearerStatus, ...]
     boxes: Mapping[str, str]
     """Bearer to the box or boxes of it."""
-    months: Mapping[str, MonthBytes]
+    months: Mapping[str, runs.MonthBytes]
     probe_bytes: Mapping[str, int]
     """Bearer to what its pings may have cost on the wire."""
     unreachable: tuple[Silent, ...]
@@ -316,8 +316,8 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     site: str,
     selected_hosts: Sequence[Host],
     request: Request,
-    notify: Subscriber,
-    patience_s: float = PATIENCE_S,
+    notify: events.Subscriber,
+    patience_s: float = session_link.PATIENCE_S,
 ) -> LinksStatus:
     """Read the links of a site; only `selected_hosts` are queried, and with one end of a bridge the other one, too.
 
@@ -325,10 +325,10 @@ async def look(  # noqa: PLR0913, PLR0917 - all that a command line says
     NothingMatched for a site without a router.
     """
     router = next(
-        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, Router)), None
+        (site_host for site_host in declaration.site_hosts(site) if isinstance(site_host.device, model.Router)), None
     )
     if router is None:
-        raise NoMatchError(f"site `{site}` has no router, and only a router knows its links")
+        raise errors.NoMatchError(f"site `{site}` has no router, and only a router knows its links")
     routes = ways_of(declaration, router)
     began = datetime.now(UTC)
     queries = LinkQueries(declaration, router, request, notify, patience_s)
@@ -350,7 +350,9 @@ async def _names(declaration: Declaration, site: str) -> dict[str, tuple[BearerF
 
 
 def _with_far_ends(declaration: Declaration, selected_hosts: Sequence[Host]) -> list[Host]:
-    peers = [declaration.hosts.get(item.device.ptp.peer) for item in selected_hosts if isinstance(item.device, Cpe)]
+    peers = [
+        declaration.hosts.get(item.device.ptp.peer) for item in selected_hosts if isinstance(item.device, model.Cpe)
+    ]
     return [*selected_hosts, *(peer for peer in peers if peer is not None)]
 
 
@@ -374,7 +376,7 @@ def _with(status: BearerStatus, more: list[BearerFinding]) -> BearerStatus:
 class _LinkSite:
     declaration: Declaration
     router: Host
-    ways: tuple[BearerRoute, ...]
+    ways: tuple[policy.BearerRoute, ...]
     turn: LinkQueries
     request: Request
     began: datetime
@@ -431,16 +433,16 @@ class _LinkSite:
         if reading is None or reading.use is None:
             return None
         hint = f"`provision use site={self.router.site} end` ends it now"
-        return reading.use.link, BearerFinding(Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
+        return reading.use.link, BearerFinding(events.Verdict.WARN, IN_USE, reading.use.words(reading.uptime_s), hint)
 
     def _answer(self, host: Host | None) -> Any:  # noqa: ANN401 - a reading of the host's kind, Silent or None
         return None if host is None else self.turn.answers.get(host.name)
 
     def _active(self) -> tuple[str, ...] | None:
         reading = self._reading
-        return None if reading is None or reading.routes is None else active_bearers(reading.routes, self.ways)
+        return None if reading is None or reading.routes is None else policy.active_bearers(reading.routes, self.ways)
 
-    def _boxes_status(self, route: BearerRoute, bearer: Bearer) -> BoxesStatus:
+    def _boxes_status(self, route: policy.BearerRoute, bearer: model.Bearer) -> BoxesStatus:
         box = self.declaration.hosts.get(bearer.device or "")
         if bearer.kind.traits.box == "satellite_terminal":
             status = self._terminal(box)
@@ -448,52 +450,52 @@ class _LinkSite:
             return replace(
                 status, quality=kept_off(bearer, route.port, self._reading) | status.quality, findings=findings
             )
-        if box is not None and isinstance(box.device, Cpe):
+        if box is not None and isinstance(box.device, model.Cpe):
             far = self.declaration.hosts.get(box.device.ptp.peer)
             return of_bridge((box, self._answer(box)), None if far is None else (far, self._answer(far)))
-        if box is not None and isinstance(box.device, LteRouter):
+        if box is not None and isinstance(box.device, model.LteRouter):
             return self._unit(box, box.device)
         return BoxesStatus()
 
-    def _unit(self, box: Host, device: LteRouter) -> BoxesStatus:
+    def _unit(self, box: Host, device: model.LteRouter) -> BoxesStatus:
         """Of a unit that only a person can look at its driver says so without being asked."""
         answer = self._answer(box)
         if isinstance(answer, Silent):
             return BoxesStatus(silent=(answer,))
-        if device.driver is LteDriver.MANUAL:
+        if device.driver is model.LteDriver.MANUAL:
             look_result = self.turn.unit(box, device).look()
             answer = UnitLook(look_result.reading, look_result.findings)
         return BoxesStatus() if answer is None else of_unit(box.name, answer, device.driver, forwards=self._forwards)
 
     @property
     def _forwards(self) -> bool:
-        return isinstance(self.router.device, Router) and bool(self.router.device.forwards)
+        return isinstance(self.router.device, model.Router) and bool(self.router.device.forwards)
 
     def _terminal(self, box: Host | None) -> BoxesStatus:
-        store = Store(self.request.state, is_rehearsal=self.request.rehearsed)
+        store = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed)
         try:
             return of_terminal(self.declaration, box, store, self.now.astimezone().date())
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             self.notes.append(str(error))
             return BoxesStatus()
 
-    def _boxes(self, bearer: Bearer) -> str:
+    def _boxes(self, bearer: model.Bearer) -> str:
         box = self.declaration.hosts.get(bearer.device or "")
-        if box is not None and isinstance(box.device, Cpe):
+        if box is not None and isinstance(box.device, model.Cpe):
             return f"{box.name} to {box.device.ptp.peer}"
-        if box is not None and isinstance(box.device, LteRouter):
+        if box is not None and isinstance(box.device, model.LteRouter):
             return f"{box.name} ({box.device.driver.value})"
         return bearer.device or ""
 
-    def _power_port(self, bearer: Bearer) -> str | None:
+    def _power_port(self, bearer: model.Bearer) -> str | None:
         box = self.declaration.hosts.get(bearer.device or "")
         source = getattr(box.device, "powered_by", None) if box is not None else None
         return source.port if source is not None and source.device == self.router.name else None
 
-    def _months(self) -> dict[str, MonthBytes]:
-        usage = Store(self.request.state, is_rehearsal=self.request.rehearsed).usage(self.router.site)
+    def _months(self) -> dict[str, runs.MonthBytes]:
+        usage = runs.Store(self.request.state, is_rehearsal=self.request.rehearsed).usage(self.router.site)
         try:
             return months(usage, self.router.name, self._reading, self.ways, self.now)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             self.notes.append(f"the bytes of this month are not known: {error}")
-            return dict.fromkeys((route.name for route in self.ways), MonthBytes())
+            return dict.fromkeys((route.name for route in self.ways), runs.MonthBytes())

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from ipaddress import AddressValueError, IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, PolicyProbe, probe_commands
-from atlantis_netcfg.routeros.api import Command, Endpoint, Reply, Session, Traffic
+from atlantis_netcfg.links import policy
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.link_use import LinkUse, in_use
 from atlantis_netcfg.routeros.observe import seconds
 from atlantis_netcfg.routeros.scheduler_jobs import READ_JOBS
@@ -27,13 +27,13 @@ class ReadOnlySession:
     """A RouterOS device by its name in the inventory."""
 
     name: str
-    endpoint: Endpoint
-    traffic: list[Traffic] = field(default_factory=list)
+    endpoint: api.Endpoint
+    traffic: list[api.Traffic] = field(default_factory=list)
 
     @asynccontextmanager
-    async def open_session(self) -> AsyncIterator[Session]:
+    async def open_session(self) -> AsyncIterator[api.Session]:
         """A session that is closed at the end. Raises what `Session.open` raises, all of it a DeviceFailed."""
-        session = await Session.open(replace(self.endpoint, opening=self.traffic.append))
+        session = await api.Session.open(replace(self.endpoint, opening=self.traffic.append))
         try:
             yield session
         finally:
@@ -42,25 +42,25 @@ class ReadOnlySession:
     @property
     def connections(self) -> int:
         """How many were made, also those whose session failed before its login was over."""
-        return Traffic.total(self.traffic).connections
+        return api.Traffic.total(self.traffic).connections
 
     @property
     def round_trips(self) -> int:
         """Turns on the link, handshakes and logins included."""
-        return Traffic.total(self.traffic).round_trips
+        return api.Traffic.total(self.traffic).round_trips
 
     @property
     def bytes(self) -> int:
         """Sent and received, handshakes and TLS included."""
-        return Traffic.total(self.traffic).bytes
+        return api.Traffic.total(self.traffic).bytes
 
 
-def command(query: Query) -> Command:
+def command(query: Query) -> api.Command:
     """A reader's question as a sentence of the API."""
-    return Command(query.path, query.words)
+    return api.Command(query.path, query.words)
 
 
-def rows(reply: Reply) -> tuple[Row, ...] | None:
+def rows(reply: api.Reply) -> tuple[Row, ...] | None:
     """What was answered; None if the device refused the question, as it does for a menu that it has not got."""
     return None if reply.trap is not None else reply.rows
 
@@ -129,19 +129,21 @@ class RouterReading:
     """By firewall chain: packets and bytes that its drop rules have counted since they were made or reset."""
 
 
-def questions(routes: Sequence[BearerRoute]) -> tuple[tuple[Command, ...], tuple[PolicyProbe, ...]]:
+def questions(routes: Sequence[policy.BearerRoute]) -> tuple[tuple[api.Command, ...], tuple[policy.PolicyProbe, ...]]:
     """Everything that is sent after the login, in one flight, and the pings among it; of ports only those of links."""
-    probes = probe_commands(routes, count=PINGS)
+    probes = policy.probe_commands(routes, count=PINGS)
     ports = [route.port for route in routes if route.port is not None]
     menus = (
-        Command("/system/resource/print", ((".proplist", "uptime"),)),
-        Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("default-name", ports)),
-        Command("/ip/route/print", ((".proplist", ",".join(ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)),
-        Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
-        Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
+        api.Command("/system/resource/print", ((".proplist", "uptime"),)),
+        api.Command("/interface/print", ((".proplist", ",".join(_PORT)),), _either("default-name", ports)),
+        api.Command(
+            "/ip/route/print", ((".proplist", ",".join(policy.ROUTE_PROPERTIES)),), ("?dst-address=0.0.0.0/0",)
+        ),
+        api.Command("/ip/arp/print", ((".proplist", ",".join(_NEIGHBOUR)),), _either("interface", ports)),
+        api.Command("/ip/firewall/filter/print", ((".proplist", ",".join(_RULE)),), ("?action=drop",)),
         READ_JOBS,
     )
-    return (*menus, *(Command(probe.path, probe.arguments) for probe in probes)), probes
+    return (*menus, *(api.Command(probe.path, probe.arguments) for probe in probes)), probes
 
 
 def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
@@ -151,7 +153,7 @@ def _either(field: str, values: Sequence[str]) -> tuple[str, ...]:
     )
 
 
-async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) -> RouterReading:
+async def read_router(device: ReadOnlySession, routes: Sequence[policy.BearerRoute]) -> RouterReading:
     """Read in one session of two round trips; the pings take some seconds of the second. Raises DeviceFailed."""
     queries, probes = questions(routes)
     async with device.open_session() as session:
@@ -159,7 +161,7 @@ async def read_router(device: ReadOnlySession, routes: Sequence[BearerRoute]) ->
         return replace(read(replies, probes), at=datetime.now(UTC))
 
 
-def read(replies: Sequence[Reply], probes: Sequence[PolicyProbe]) -> RouterReading:
+def read(replies: Sequence[api.Reply], probes: Sequence[policy.PolicyProbe]) -> RouterReading:
     """Read the answers to `questions`, in their order."""
     resource, ports, routes, neighbours, rules, jobs = (rows(reply) for reply in replies[:_MENUS])
     port_names = {row["default-name"]: row.get("name", "") for row in ports or () if "default-name" in row}
@@ -190,7 +192,7 @@ def _whole(text: str | None) -> int | None:
     return int(text) if text is not None and text.isdecimal() else None
 
 
-def _echoes(probes: Sequence[PolicyProbe], replies: Sequence[Reply]) -> dict[str, tuple[Echo, ...]]:
+def _echoes(probes: Sequence[policy.PolicyProbe], replies: Sequence[api.Reply]) -> dict[str, tuple[Echo, ...]]:
     result: dict[str, tuple[Echo, ...]] = {}
     for probe, reply in zip(probes, replies, strict=True):
         echo = _echo(probe.target, rows(reply))

@@ -8,16 +8,14 @@ from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import Bearer, Cpe, LteDriver, PtpMode
-from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState, Quality
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.links import BearerFinding, BearerStatus, LinkState, Quality, wifi
 from atlantis_netcfg.links import wifi as radios
 from atlantis_netcfg.links.lte import LteReading, Registration, judge, routeros
 from atlantis_netcfg.links.satellite import judge_carrier_nat, judge_factory_address
-from atlantis_netcfg.links.wifi import Family, WifiReading, WifiSettings, queries
-from atlantis_netcfg.links.wifi import read as read_wifi
 from atlantis_netcfg.operations.common.terminals import is_terminal, look
 from atlantis_netcfg.operations.links.session import Echo, ReadOnlySession, RouterReading, SessionPort, command, rows
-from atlantis_netcfg.routeros.api import Command, Reply, Session
+from atlantis_netcfg.routeros import api
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
 
 IN_USE = "in-use-for-a-time"
 """Code of the finding of a link that is in use instead of the declared order."""
-_MENUS = {family: f"/interface/{family}/print" for family in Family}
+_MENUS = {family: f"/interface/{family}/print" for family in wifi.Family}
 _RADIO = "name,default-name,mac-address,disabled"
 
 
@@ -40,7 +38,7 @@ _RADIO = "name,default-name,mac-address,disabled"
 class RadioLook:
     """What a CPE said of its radio."""
 
-    reading: WifiReading | None
+    reading: wifi.WifiReading | None
     """None: the device has no radio that its menus show."""
     mac: str | None = None
     """Of its own radio, upper case."""
@@ -49,31 +47,31 @@ class RadioLook:
 async def read_radio(device: ReadOnlySession) -> RadioLook:
     """Read in one session of three round trips: login, which radio it has, that radio. Raises DeviceFailed."""
     async with device.open_session() as session:
-        replies = await session.flight([Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
+        replies = await session.flight([api.Command(path, ((".proplist", _RADIO),)) for path in _MENUS.values()])
         radio_match = _radio([(family, rows(reply)) for family, reply in zip(_MENUS, replies, strict=True)])
         if radio_match is None:
             return RadioLook(None)
         family, row = radio_match
-        table, monitor = await session.flight([command(query) for query in queries(family, row["name"])])
+        table, monitor = await session.flight([command(query) for query in wifi.queries(family, row["name"])])
     monitor_rows = rows(monitor)
-    reading = read_wifi(family, rows(table), monitor_rows[0] if monitor_rows else None, row["name"])
+    reading = wifi.read(family, rows(table), monitor_rows[0] if monitor_rows else None, row["name"])
     return RadioLook(reading, (row.get("mac-address") or "").upper() or None)
 
 
-def _radio(tables: list[tuple[Family, tuple[Row, ...] | None]]) -> tuple[Family, Row] | None:
+def _radio(tables: list[tuple[wifi.Family, tuple[Row, ...] | None]]) -> tuple[wifi.Family, Row] | None:
     """The board's first radio; virtual ones have no `default-name` and come after it."""
     radios = [(family, row) for family, menu in tables for row in menu or () if "name" in row]
     return next((radio for radio in radios if "default-name" in radio[1]), radios[0] if radios else None)
 
 
-def expected_of(end: Host, other: Host, other_mac: str | None) -> WifiSettings:
+def expected_of(end: Host, other: Host, other_mac: str | None) -> wifi.WifiSettings:
     """What is declared of one end."""
-    assert isinstance(end.device, Cpe)  # noqa: S101 - the ends of a bridge are CPEs
+    assert isinstance(end.device, model.Cpe)  # noqa: S101 - the ends of a bridge are CPEs
     ptp = end.device.ptp
-    return WifiSettings(
+    return wifi.WifiSettings(
         peer=other.name,
         peer_macs=frozenset({other_mac} if other_mac else ()),
-        access_point=ptp.mode is PtpMode.ACCESS_POINT,
+        access_point=ptp.mode is model.PtpMode.ACCESS_POINT,
         ssid=ptp.ssid,
         protocol=ptp.protocol.value,
         frequency_mhz=ptp.frequency_mhz,
@@ -190,7 +188,7 @@ def of_terminal(declaration: Declaration, host: Host | None, store: Store, today
     return BoxesStatus(None, quality, result.findings)
 
 
-def kept_off(bearer: Bearer, port: str | None, router: RouterReading | None) -> Quality:
+def kept_off(bearer: model.Bearer, port: str | None, router: RouterReading | None) -> Quality:
     """What the router has kept off the link, and whether the next hop has answered ARP on the port of late.
 
     The chain's name is that of `render.view.Uplink.chain`. An entry of ARP ages, so that its absence proves nothing.
@@ -231,7 +229,7 @@ async def read_routeros(device: ReadOnlySession, unit: LteUnit) -> UnitLook:
     return UnitLook(reading, judge.judge(reading, unit.expectation))
 
 
-async def modem_reading(session: Session) -> LteReading:
+async def modem_reading(session: api.Session) -> LteReading:
     """Read in one round trip; one more where only the log tells of the SIM, and one for a modem with another name."""
     replies = await session.flight([command(query) for query in routeros.queries(_INTERFACE)])
     name = routeros.modem_name(rows(replies[1]), _INTERFACE)
@@ -243,7 +241,7 @@ async def modem_reading(session: Session) -> LteReading:
     return reading
 
 
-def _reading(replies: list[Reply], log: tuple[Row, ...] | None = None) -> LteReading:
+def _reading(replies: list[api.Reply], log: tuple[Row, ...] | None = None) -> LteReading:
     monitor, interfaces, profiles, addresses = (rows(reply) for reply in replies)
     return routeros.read(monitor[0] if monitor else None, interfaces, profiles, addresses, log, _INTERFACE)
 
@@ -254,10 +252,10 @@ async def read_by_driver(unit: LteUnit) -> UnitLook:
     return UnitLook(status.reading, status.findings, status.requests)
 
 
-def of_unit(name: str, answer: UnitLook, driver: LteDriver, *, forwards: bool) -> BoxesStatus:
+def of_unit(name: str, answer: UnitLook, driver: model.LteDriver, *, forwards: bool) -> BoxesStatus:
     """Put into the words of its bearer. `forwards`: ports of the site's outer addresses are declared to lead inside."""
     reading = answer.reading
-    if driver is LteDriver.MANUAL:
+    if driver is model.LteDriver.MANUAL:
         return BoxesStatus(findings=answer.findings)
     nat_findings = judge_carrier_nat(name, reading.address, forwards=forwards)
     nat = None if reading.address is None else "yes" if nat_findings else "no"

@@ -9,73 +9,77 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.lte import Registration, rutos_read
-from atlantis_netcfg.routeros.assumptions import READS, Assumption, person
-from atlantis_netcfg.routeros.verify import AssumptionFinding, SeenAnswers
+from atlantis_netcfg.routeros import assumptions, verify
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.routeros.verify import Judgement
 
 ASSUMPTIONS: Final = (
-    Assumption(
+    assumptions.Assumption(
         "rutos-state-words",
         "Registration and data connection stand under a known name, in the words of the recorded unit.",
         "State of the 4G link; a word that nobody knows is told as unknown, never as a failure.",
-        READS,
+        assumptions.READS,
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-levels",
         "RSRP, RSRQ and SINR stand under a known name, in dBm and dB, with or without their unit.",
         "Levels of the 4G link; where they stand elsewhere none are told.",
-        READS,
+        assumptions.READS,
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-cell",
         "Technology and band read like `4G (LTE)` and `LTE B3`, the cell is `cellid`, its operator `mcc` and `mnc`.",
         "Declared bands are compared with the band in use; one that is not told is not compared.",
-        READS,
+        assumptions.READS,
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-address",
         "The interface of the modem is of type `mobile` or named like `mob1s1a1`, and lists addresses as `ipaddrs`.",
         "The address of the 4G link; elsewhere it is not told.",
-        READS,
+        assumptions.READS,
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-serial",
         "`mnfinfo.serial` of the device's status is the serial number of the unit.",
         "Another unit at the address is noticed by it; without it by the certificate alone.",
-        READS,
+        assumptions.READS,
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-refusals",
         "A wrong password or a missing right is HTTP 401 or 403, a page that a firmware lacks 404, 405 or 501.",
         "What is said of a refused login; any other answer is told as not one of RutOS.",
-        person("on the unit's own page, log in with a wrong password once, and read the status in the browser's tools"),
+        assumptions.person(
+            "on the unit's own page, log in with a wrong password once, and read the status in the browser's tools"
+        ),
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-settings",
         "`auto_apn` 0 makes the unit take `apn`, `auth` is `pap` for a user, `deny_roaming` leaves it registered"
         " without a data connection abroad, and `reload_config` puts all into effect.",
         "Setting a SIM as declared; the unit is read back, and a link without data is told.",
-        person("set each on the unit's own page, and type `uci show network` and `uci show simcard` before and after"),
+        assumptions.person(
+            "set each on the unit's own page, and type `uci show network` and `uci show simcard` before and after"
+        ),
     ),
-    Assumption(
+    assumptions.Assumption(
         "rutos-pin",
         "`pincode` of a slot is the PIN that the unit tries, once at every reload while the card asks for it.",
         "A wrong PIN costs one try; no run tries it again, and the last try is left to a person.",
-        person("store a wrong PIN for a spare SIM, type `reload_config`, and read the tries that are left"),
+        assumptions.person("store a wrong PIN for a spare SIM, type `reload_config`, and read the tries that are left"),
     ),
 )
 """In the order of the page docs/verify.md."""
 
 
-def judge(look: rutos_read.RutosLook) -> SeenAnswers:
+def judge(look: rutos_read.RutosLook) -> verify.SeenAnswers:
     """Judge one look at a unit, a finding for each row; its values are left out, since the report is sent to others."""
     values = _values(look)
-    findings = (AssumptionFinding.of(each.id, _judgement(values.get(each.id, each.proof))) for each in ASSUMPTIONS)
-    return SeenAnswers("", "Teltonika unit", "", tuple(findings), system="RutOS")
+    findings = (
+        verify.AssumptionFinding.of(each.id, _judgement(values.get(each.id, each.proof))) for each in ASSUMPTIONS
+    )
+    return verify.SeenAnswers("", "Teltonika unit", "", tuple(findings), system="RutOS")
 
 
 def _values(look: rutos_read.RutosLook) -> Mapping[str, Mapping[str, object] | str]:
@@ -97,7 +101,7 @@ def _values(look: rutos_read.RutosLook) -> Mapping[str, Mapping[str, object] | s
     }
 
 
-def _judgement(values: Mapping[str, object] | str) -> Judgement:
+def _judgement(values: Mapping[str, object] | str) -> verify.Judgement:
     if isinstance(values, str):
         return Verdict.SKIP, values
     missing = [name for name, value in values.items() if value is None]

@@ -13,10 +13,9 @@ from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__
+from atlantis_netcfg import __version__, runs
+from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.core.crash_report import report_crash
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, complete, worst
-from atlantis_netcfg.core.events import Event, Stage, Verdict
 from atlantis_netcfg.inventory.model import LteDriver, LteRouter
 from atlantis_netcfg.links.lte import Registration, rutos_client, rutos_settings
 from atlantis_netcfg.links.lte.judge import quality
@@ -26,23 +25,6 @@ from atlantis_netcfg.operations.common.request import Mode, Request, declaration
 from atlantis_netcfg.operations.lte.units import FINE, EmulationUnavailable, LteResult, LteUnit, UnitStatus, words
 from atlantis_netcfg.routeros.apply import Status
 from atlantis_netcfg.routeros.console.types import ConsoleLost, ConsoleUnreachable
-from atlantis_netcfg.runs import (
-    NOT_RECORDED,
-    ActionConfirmation,
-    Journal,
-    LayerSent,
-    NoJournal,
-    Outcome,
-    PlannedAction,
-    PlanRecord,
-    Recorder,
-    RunEnd,
-    RunResume,
-    RunStart,
-    Store,
-    conclude,
-    mark_unrecorded,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -116,10 +98,10 @@ def mask_secrets(sections: dict[tuple[str, str], dict[str, str]]) -> str:
     )
 
 
-def planned_action(number: int, change: SettingChange) -> PlannedAction:
+def planned_action(number: int, change: SettingChange) -> runs.PlannedAction:
     """One setting as the journal holds it."""
     value = "********" if change.secret else change.value
-    return PlannedAction(
+    return runs.PlannedAction(
         number=number,
         layer=LAYER,
         menu=f"{change.package}.{change.section}",
@@ -129,7 +111,7 @@ def planned_action(number: int, change: SettingChange) -> PlannedAction:
     )
 
 
-_WORST = (Verdict.ERROR, Verdict.FAIL)
+_WORST = (events.Verdict.ERROR, events.Verdict.FAIL)
 _FINAL_STATES = (
     Registration.DENIED,
     Registration.SIM_MISSING,
@@ -146,7 +128,13 @@ class UnitConvergence:
     """One unit's turn in a run."""
 
     def __init__(
-        self, unit: LteUnit, journal: Recorder, *, plan_only: bool, approved_hash: str | None, patience: UnitPatience
+        self,
+        unit: LteUnit,
+        journal: runs.Recorder,
+        *,
+        plan_only: bool,
+        approved_hash: str | None,
+        patience: UnitPatience,
     ) -> None:
         self._unit = unit
         self._journal = journal
@@ -162,19 +150,21 @@ class UnitConvergence:
             result = self._run()
         except EmulationUnavailable as nothing:
             result = LteResult(
-                name=self._unit.name, status=Status.UNCHANGED, exit=ExitCode.NOTHING, message=str(nothing)
+                name=self._unit.name, status=Status.UNCHANGED, exit=errors.ExitCode.NOTHING, message=str(nothing)
             )
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             result = self._failure_result(error, Status.UNKNOWN if self._touched else Status.LEFT_AS_FOUND)
         result = replace(result, seconds=time.monotonic() - began)
-        self._tell(Stage.DONE if result.exit in FINE else Stage.FAILED, result.message)
-        outcome = Outcome(device=result.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        return mark_unrecorded(result, conclude(self._journal, outcome))
+        self._tell(events.Stage.DONE if result.exit in FINE else events.Stage.FAILED, result.message)
+        outcome = runs.Outcome(
+            device=result.name, status=result.status.value, exit=int(result.exit), message=result.message
+        )
+        return runs.mark_unrecorded(result, runs.conclude(self._journal, outcome))
 
     def _run(self) -> LteResult:
-        self._tell(Stage.CONNECTING, f"driver {self._unit.device.driver}")
+        self._tell(events.Stage.CONNECTING, f"driver {self._unit.device.driver}")
         reading = self._unit.look()
-        self._tell(Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
+        self._tell(events.Stage.OBSERVED, reading.reading.state.value.replace("_", " "))
         if not self._unit.may_set:
             return self._result(reading, SettingsResult())
         settings = self._set(reading)
@@ -182,7 +172,7 @@ class UnitConvergence:
             try:
                 reading = self._wait_for_connection(reading)
                 settings = self._taken_back(reading, settings)
-            except DeviceError as silent:
+            except errors.DeviceError as silent:
                 return self._silent(reading, settings, silent)
         if not self._plan_only and reading.reading.state is not Registration.SIM_PIN_REQUIRED:
             self._unit.pin_attempt.forget()
@@ -200,11 +190,11 @@ class UnitConvergence:
             settings = SettingsResult(
                 rutos_settings.changes(reading.reading, desired_settings, sections), commands=shell.count
             )
-            self._tell(Stage.PLANNED, f"{len(settings.changes)} settings differ")
+            self._tell(events.Stage.PLANNED, f"{len(settings.changes)} settings differ")
             if self._plan_only or not settings.changes:
                 return settings
             if self._approved_hash is not None and self._approved_hash != settings.hash:
-                raise DeviceError(
+                raise errors.DeviceError(
                     f"{unit.name}: what differs is no longer what was agreed to, so nothing was set",
                     hint="run it again and look at the plan",
                 )
@@ -220,17 +210,17 @@ class UnitConvergence:
         actions = tuple(
             planned_action(number, change) for number, change in zip(numbers, settings.changes, strict=True)
         )
-        self._journal.write(PlanRecord(device=name, plan=settings.hash, actions=actions))
+        self._journal.write(runs.PlanRecord(device=name, plan=settings.hash, actions=actions))
         if any(entry.option == rutos_settings.PIN for entry in settings.changes):
             self._unit.pin_attempt.remember()
-        self._journal.write(LayerSent(device=name, layer=LAYER, actions=numbers))
+        self._journal.write(runs.LayerSent(device=name, layer=LAYER, actions=numbers))
         self._touched = True
-        self._tell(Stage.APPLYING, f"{len(numbers)} settings")
+        self._tell(events.Stage.APPLYING, f"{len(numbers)} settings")
         words = shell.run(rutos_settings.WRITE, input_text=rutos_settings.batch(settings.changes)).error.strip()
         # A unit whose network reloads may drop the session: a new one tells what has come of it.
         with suppress(ConsoleLost):
             shell.run(rutos_settings.RELOAD)
-        self._tell(Stage.VERIFYING, "reading back in a new session")
+        self._tell(events.Stage.VERIFYING, "reading back in a new session")
         now = self._read_back()
         applied_changes = [
             item
@@ -240,13 +230,13 @@ class UnitConvergence:
         if len(applied_changes) != len(settings.changes):
             self._touched = bool(applied_changes)
             missing_change = next(element for element in settings.changes if element not in applied_changes)
-            raise DeviceError(
+            raise errors.DeviceError(
                 f"{name}: {len(applied_changes)} of {len(settings.changes)} settings were kept; not kept: "
                 f"{missing_change.package}."
                 f"{missing_change.section}.{missing_change.option}{f' ({words.splitlines()[0]})' if words else ''}",
                 hint="is the unit's flash full, or its configuration locked? Look at its own page",
             )
-        self._journal.write(ActionConfirmation(device=name, actions=numbers))
+        self._journal.write(runs.ActionConfirmation(device=name, actions=numbers))
         self._touched = False
 
     def _read_back(self) -> dict[tuple[str, str], dict[str, str]]:
@@ -269,7 +259,7 @@ class UnitConvergence:
         with self._unit.shell() as shell:
             shell.run(rutos_settings.WRITE, input_text=rutos_settings.removal(wrong))
             if rutos_settings.PIN in sections_of(shell).get((wrong.package, wrong.section), {}):
-                raise DeviceError(
+                raise errors.DeviceError(
                     f"{self._unit.name}: the unit keeps the PIN that the SIM has refused, and would try it again",
                     hint="remove the PIN on the unit's own page before it starts again",
                 )
@@ -290,7 +280,7 @@ class UnitConvergence:
             final = any(finding.code == _FINAL for finding in reading.findings)
             if quiet or final or reading.reading.state in _FINAL_STATES or time.monotonic() > until:
                 return replace(reading, requests=requests, sent_bytes=sent_bytes, received_bytes=received_bytes)
-            self._tell(Stage.WAITING, reading.reading.state.value.replace("_", " "))
+            self._tell(events.Stage.WAITING, reading.reading.state.value.replace("_", " "))
             time.sleep(self._patience.poll_s)
 
     def _again(self) -> UnitStatus:
@@ -304,11 +294,13 @@ class UnitConvergence:
                     raise
                 time.sleep(self._patience.poll_s)
 
-    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: DeviceError) -> LteResult:
+    def _silent(self, before: UnitStatus, settings: SettingsResult, silent: errors.DeviceError) -> LteResult:
         """The settings are kept, and the unit has not answered since."""
         message = f"{len(settings.changes)} settings applied and verified; since then: {silent}"
         result = self._result(before, settings)
-        return replace(result, exit=ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=())
+        return replace(
+            result, exit=errors.ExitCode.CHECKS_FAILED, message=message, hint=silent.hint, findings=(), notes=()
+        )
 
     def _result(self, reading: UnitStatus, settings: SettingsResult) -> LteResult:
         worst = next((finding for finding in reading.findings if finding.verdict in _WORST), None)
@@ -317,7 +309,7 @@ class UnitConvergence:
         hint = None
         if worst is not None:
             message, hint = f"{message}; {worst.message}", worst.hint
-            code = ExitCode.CHECKS_FAILED if code is ExitCode.DONE else code
+            code = errors.ExitCode.CHECKS_FAILED if code is errors.ExitCode.DONE else code
         if settings.refusal is not None:
             message = f"left as found, nothing was set: {settings.refusal}"
         return LteResult(
@@ -339,21 +331,21 @@ class UnitConvergence:
             serial=reading.serial,
         )
 
-    def _outcome(self, reading: UnitStatus, settings: SettingsResult) -> tuple[Status, ExitCode, str]:
+    def _outcome(self, reading: UnitStatus, settings: SettingsResult) -> tuple[Status, errors.ExitCode, str]:
         if settings.refusal is not None:
-            return Status.LEFT_AS_FOUND, ExitCode.FAILED, settings.refusal
+            return Status.LEFT_AS_FOUND, errors.ExitCode.FAILED, settings.refusal
         words = _state(reading)
         if settings.is_done:
             summary = f"{len(settings.changes) - settings.taken_back} settings applied and verified"
             back = ", the PIN taken back" if settings.taken_back else ""
-            return Status.CHANGED, ExitCode.DONE, f"{summary}{back}; {words}"
+            return Status.CHANGED, errors.ExitCode.DONE, f"{summary}{back}; {words}"
         if settings.changes:
-            return Status.PLANNED, ExitCode.CHANGES, f"{len(settings.changes)} settings would be set; {words}"
+            return Status.PLANNED, errors.ExitCode.CHANGES, f"{len(settings.changes)} settings would be set; {words}"
         if self._unit.device.driver is LteDriver.MANUAL:
-            return Status.UNCHANGED, ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
+            return Status.UNCHANGED, errors.ExitCode.NOTHING, "not checked: only a person can look at this 4G unit"
         if self._unit.may_set:
-            return Status.UNCHANGED, ExitCode.DONE, f"as declared, nothing was changed; {words}"
-        return Status.UNCHANGED, ExitCode.DONE, f"checked only; {words}"
+            return Status.UNCHANGED, errors.ExitCode.DONE, f"as declared, nothing was changed; {words}"
+        return Status.UNCHANGED, errors.ExitCode.DONE, f"checked only; {words}"
 
     def _unset(self) -> tuple[str, ...]:
         """What a person should know of how far the driver goes."""
@@ -366,13 +358,13 @@ class UnitConvergence:
             return (f"driver {driver} reads only: the SIM's settings are compared, and not set",)
         return ()
 
-    def _failure_result(self, error: NetcfgError, status: Status) -> LteResult:
-        code = ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
-        hint = error.hint and complete(error.hint, site=self._unit.host.site, device=self._unit.name)
+    def _failure_result(self, error: errors.NetcfgError, status: Status) -> LteResult:
+        code = errors.ExitCode.UNKNOWN if status is Status.UNKNOWN else error.exit
+        hint = error.hint and errors.complete(error.hint, site=self._unit.host.site, device=self._unit.name)
         return LteResult(name=self._unit.name, status=status, exit=code, message=str(error), hint=hint)
 
-    def _tell(self, stage: Stage, message: str) -> None:
-        self._unit.notify(Event(self._unit.name, stage, message))
+    def _tell(self, stage: events.Stage, message: str) -> None:
+        self._unit.notify(events.Event(self._unit.name, stage, message))
 
 
 def _state(look: UnitStatus) -> str:
@@ -427,10 +419,10 @@ def _site(
     declaration: Declaration, site: str, units: Sequence[Host], request: Request, channel: EventStream
 ) -> dict[str, LteResult]:
     """The units of one site under its lock; a plan changes nothing and needs neither lock nor journal."""
-    store = Store(request.state, is_rehearsal=request.rehearsed)
+    store = runs.Store(request.state, is_rehearsal=request.rehearsed)
     results: dict[str, LteResult] = {}
     with ExitStack() as stack:
-        journal: Recorder = NoJournal()
+        journal: runs.Recorder = runs.NoJournal()
         run = ""
         if not request.mode.reads_only:
             stack.enter_context(store.lock(site, request.command))
@@ -440,14 +432,14 @@ def _site(
         for host in units:
             result = results[host.name] = _unit(host, request, store, journal, channel)
             if host is units[-1]:
-                end_record = RunEnd(exit=int(worst(result.exit for result in results.values())))
-                result = results[host.name] = mark_unrecorded(result, conclude(journal, end_record))
-                run = "" if NOT_RECORDED in result.message else run
+                end_record = runs.RunEnd(exit=int(errors.worst(result.exit for result in results.values())))
+                result = results[host.name] = runs.mark_unrecorded(result, runs.conclude(journal, end_record))
+                run = "" if runs.NOT_RECORDED in result.message else run
             channel.outcome({host.name: result.as_dict()}, {} if request.mode.reads_only else {site: {"4g": run}})
     return results
 
 
-def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel: EventStream) -> LteResult:
+def _unit(host: Host, request: Request, store: runs.Store, journal: runs.Recorder, channel: EventStream) -> LteResult:
     # Most runs have no unit, and the console with its libraries takes a tenth of a second in each task.
 
     assert isinstance(host.device, LteRouter)  # noqa: S101 - `is_unit` has said so
@@ -475,12 +467,14 @@ def _unit(host: Host, request: Request, store: Store, journal: Recorder, channel
         )
 
 
-def _journal(declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: Store) -> Journal:
+def _journal(
+    declaration: Declaration, site: str, units: Sequence[Host], request: Request, store: runs.Store
+) -> runs.Journal:
     if request.mode is Mode.RESUME and request.run is not None:
-        record = RunResume(revision=declaration.revision, tool=__version__, command=request.command)
+        record = runs.RunResume(revision=declaration.revision, tool=__version__, command=request.command)
         return store.resume(site, request.run, record)
     return store.start(
-        RunStart(
+        runs.RunStart(
             site=site,
             revision=declaration.revision,
             tool=__version__,
@@ -495,5 +489,5 @@ def _of_host(result: LteResult) -> dict[str, Any]:
     fine = result.exit in FINE
     message = f"{result.message} ({result.hint})" if result.hint else result.message
     diff = f"{result.name}:\n{result.diff}" if result.diff else ""
-    has_changed = bool(result.planned_actions) and result.exit in (ExitCode.DONE, ExitCode.CHANGES)
+    has_changed = bool(result.planned_actions) and result.exit in (errors.ExitCode.DONE, errors.ExitCode.CHANGES)
     return {**result.as_dict(), "ok": fine, "changed": has_changed, "message": message, "shown": diff}

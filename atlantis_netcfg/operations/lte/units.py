@@ -6,10 +6,10 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, Verdict
 from atlantis_netcfg.emulator import modem, rutos
-from atlantis_netcfg.inventory.model import LteAccess, LteDriver, LteRouter
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.lte import Registration, at, modemmanager, rutos_client, rutos_read, rutos_settings
 from atlantis_netcfg.links.lte import judge as record
 from atlantis_netcfg.links.lte.judge import LteSubscription, judge
@@ -38,7 +38,7 @@ _SERIAL = "serial number of "
 """Before a device's name where its serial number is kept among the pins; names have no spaces."""
 
 
-class EmulationUnavailable(NetcfgError):
+class EmulationUnavailable(errors.NetcfgError):
     """There is no emulation of what this driver talks to."""
 
 
@@ -61,7 +61,7 @@ class LteUnit:
     """A unit, the way to it, and what is known of it from earlier runs."""
 
     host: Host
-    device: LteRouter
+    device: model.LteRouter
     store: Store
     """Pins of its certificates, and whether its SIM's PIN was tried."""
     notify: Subscriber
@@ -79,7 +79,7 @@ class LteUnit:
         """Whether somebody is declared who may set things."""
         access = self.device.access
         admin = access is not None and access.admin_user is not None and access.admin_password is not None
-        return self.device.driver is LteDriver.RUTOS and admin
+        return self.device.driver is model.LteDriver.RUTOS and admin
 
     @property
     def settings(self) -> LteSettings:
@@ -103,13 +103,13 @@ class LteUnit:
 
     def look(self) -> UnitStatus:
         """Read and judge it, changing nothing. Raises DeviceFailed, NotRehearsed."""
-        if self.is_rehearsal and self.target is None and self.device.driver is not LteDriver.MANUAL:
+        if self.is_rehearsal and self.target is None and self.device.driver is not model.LteDriver.MANUAL:
             raise EmulationUnavailable(f"not looked at: there is no emulation for driver {self.device.driver}")
-        readers: dict[LteDriver, Callable[[], UnitStatus]] = {
-            LteDriver.RUTOS: self._rutos,
-            LteDriver.AT: self._at,
-            LteDriver.MODEMMANAGER: self._modemmanager,
-            LteDriver.MANUAL: self._manual,
+        readers: dict[model.LteDriver, Callable[[], UnitStatus]] = {
+            model.LteDriver.RUTOS: self._rutos,
+            model.LteDriver.AT: self._at,
+            model.LteDriver.MODEMMANAGER: self._modemmanager,
+            model.LteDriver.MANUAL: self._manual,
         }
         return readers[self.device.driver]()
 
@@ -123,7 +123,7 @@ class LteUnit:
         return open_commands(host, port, access.admin_user, access.admin_password, pin=key)
 
     @property
-    def _access(self) -> LteAccess:
+    def _access(self) -> model.LteAccess:
         assert self.device.access is not None  # noqa: S101 - inventory/rules/lte.py
         return self.device.access
 
@@ -173,7 +173,7 @@ class LteUnit:
             return
         saved_serial = self.pins.pin(f"{_SERIAL}{self.name}", serial)
         if saved_serial != serial:
-            raise DeviceError(
+            raise errors.DeviceError(
                 f"{self.name}: another unit answers here: serial number {serial}, "
                 f"and the one that was met is {saved_serial}",
                 hint="if the unit was replaced on purpose, remove its lines from pins.json in the state folder",
@@ -193,7 +193,7 @@ class LteUnit:
         return UnitStatus(record.unmanaged_reading(), (record.check_by_hand(str(self.device.address)),))
 
 
-FINE = (ExitCode.DONE, ExitCode.CHANGES, ExitCode.NOTHING)
+FINE = (errors.ExitCode.DONE, errors.ExitCode.CHANGES, errors.ExitCode.NOTHING)
 """What is no failure of a play: a unit that only a person can look at was not checked, and has not failed."""
 
 
@@ -203,7 +203,7 @@ class LteResult:
 
     name: str
     status: Status
-    exit: ExitCode
+    exit: errors.ExitCode
     message: str
     hint: str | None = None
     planned_actions: int = 0
@@ -274,28 +274,30 @@ def emulated_units(hosts: Sequence[Host], folder: Path) -> Iterator[Mapping[str,
         units = {}
         for host in hosts:
             device = host.device
-            if not isinstance(device, LteRouter):
+            if not isinstance(device, model.LteRouter):
                 continue
-            if device.driver is LteDriver.RUTOS:
+            if device.driver is model.LteDriver.RUTOS:
                 units[host.name] = _rutos(stack, host.name, device, folder)
-            elif device.driver is LteDriver.AT:
+            elif device.driver is model.LteDriver.AT:
                 units[host.name] = _modem(stack, device)
         yield units
 
 
 def not_rehearsed(hosts: Sequence[Host]) -> tuple[str, ...]:
     """What a rehearsal of these units does not show."""
-    drivers = {host.device.driver for host in hosts if isinstance(host.device, LteRouter)}
+    drivers = {host.device.driver for host in hosts if isinstance(host.device, model.LteRouter)}
     reasons = {
-        LteDriver.RUTOS: rutos.NOT_REHEARSED,
-        LteDriver.AT: modem.NOT_REHEARSED,
-        LteDriver.MODEMMANAGER: ("ModemManager and its modem: nothing of them is emulated, and nothing was looked at",),
-        LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
+        model.LteDriver.RUTOS: rutos.NOT_REHEARSED,
+        model.LteDriver.AT: modem.NOT_REHEARSED,
+        model.LteDriver.MODEMMANAGER: (
+            "ModemManager and its modem: nothing of them is emulated, and nothing was looked at",
+        ),
+        model.LteDriver.MANUAL: ("a 4G unit without a driver: only a person can look at it",),
     }
     return tuple(line for driver, lines in reasons.items() if driver in drivers for line in lines)
 
 
-def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> EmulatedUnit:
+def _rutos(stack: ExitStack, name: str, device: model.LteRouter, folder: Path) -> EmulatedUnit:
     """As it comes from its box but for the declared users: nothing is set, and the SIM's PIN is the declared one."""
     access, sim = device.access, device.sim
     assert access is not None  # noqa: S101 - inventory/rules/lte.py
@@ -321,7 +323,7 @@ def _rutos(stack: ExitStack, name: str, device: LteRouter, folder: Path) -> Emul
     return EmulatedUnit(target, running.unit.export, tune)
 
 
-def _modem(stack: ExitStack, device: LteRouter) -> EmulatedUnit:
+def _modem(stack: ExitStack, device: model.LteRouter) -> EmulatedUnit:
     spec = modem.AtModemSpec(apn=device.sim.apn or "internet")
     running = stack.enter_context(modem.RunningModem(spec))
     return EmulatedUnit(Target(host="", port=0, pin="", serial=running.path), lambda: "\n".join(running.forbidden))

@@ -13,9 +13,8 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.computers.reflector import QUALIFY_SERVICE
-from atlantis_netcfg.core.errors import DeviceError, NoMatchError, UsageError
-from atlantis_netcfg.inventory.model import ServerComputer, Transport
-from atlantis_netcfg.inventory.satellite_allow_list import admits, allowed_targets, far_end
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.inventory import model, satellite_allow_list
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.reflector.stamp import PORT, reflector_key
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Bearer, Qualify
     from atlantis_netcfg.operations.common.request import Request
 
 
@@ -33,7 +31,7 @@ _OPENING_S = 120.0
 """A gap of a satellite link, and what SSH takes over it."""
 
 
-class NothingToQualify(NoMatchError):
+class NothingToQualify(errors.NoMatchError):
     """The site has no such link, no router that could lead the packets, or no far end is declared."""
 
 
@@ -52,7 +50,7 @@ class MeasuredFarEnd:
         """It confirms messages and tells what it counted."""
         return self.key is not None
 
-    def refuse(self, selection: Selection, links: Iterable[Bearer], declaration: Declaration) -> None:
+    def refuse(self, selection: Selection, links: Iterable[model.Bearer], declaration: Declaration) -> None:
         """Raises UsageError, NothingToQualify where a reflector of others cannot measure what is to be measured.
 
         `links`: those that see the packets themselves, and not a tunnel that they are in.
@@ -60,14 +58,14 @@ class MeasuredFarEnd:
         if self.is_ours:
             return
         if selection is not Selection.TELEMETRY:
-            raise UsageError(
+            raise errors.UsageError(
                 f"`profile={selection}` needs a far end of ours, which confirms messages",
                 hint="leave `far=` out, or type `profile=telemetry`",
             )
         for bearer in links:
-            targets = allowed_targets(declaration.pilot, bearer)
-            if bearer.kind.traits.allow_list and not admits(
-                targets, IPv4Address(self.address), self.port, Transport.UDP
+            targets = satellite_allow_list.allowed_targets(declaration.pilot, bearer)
+            if bearer.kind.traits.allow_list and not satellite_allow_list.admits(
+                targets, IPv4Address(self.address), self.port, model.Transport.UDP
             ):
                 raise NothingToQualify(
                     f"`{bearer.name}` lets nothing pass to {self.address}, UDP port {self.port}",
@@ -80,31 +78,31 @@ def far_end_of(declaration: Declaration, *, over_vpn: bool, other: str | None = 
 
     Only a tunnel over UDP can be led over another link without breaking.
     """
-    if over_vpn and declaration.pilot.vpn.transport is not Transport.UDP:
+    if over_vpn and declaration.pilot.vpn.transport is not model.Transport.UDP:
         why = "the VPN goes over TCP, and such a tunnel cannot be led over another link without breaking"
         raise NothingToQualify(why, hint="leave `over=vpn` out")
     if other is not None:
         return _parse_far_end(declaration, other, over_vpn=over_vpn)
-    qualify, target = declaration.pilot.qualify, far_end(declaration.pilot)
+    qualify, target = declaration.pilot.qualify, satellite_allow_list.far_end(declaration.pilot)
     if qualify is None or target is None:
         hint = "write `qualify: {reflector: …, key: …}` in group_vars/all/pilot.yml (docs/qualify.md)"
         raise NothingToQualify("the pilot declares no far end that could answer test packets", hint=hint)
     address = target.address
     if over_vpn:
         device = declaration.hosts[qualify.reflector].device
-        inside = device.vpn_address if isinstance(device, ServerComputer) else None
+        inside = device.vpn_address if isinstance(device, model.ServerComputer) else None
         if inside is None:
             raise NothingToQualify(f"`{qualify.reflector}` has no address in the VPN", hint="leave `over=vpn` out")
         address = inside
     return MeasuredFarEnd(qualify.reflector, str(address), qualify.port, key_of(qualify))
 
 
-def key_of(qualify: Qualify) -> bytes:
+def key_of(qualify: model.Qualify) -> bytes:
     """Give the key of the declared far end."""
     return reflector_key(qualify.key.reveal().encode().strip(), qualify.reflector)
 
 
-class FarEndUnavailable(DeviceError):
+class FarEndUnavailable(errors.DeviceError):
     """The program at the far end was not started: nothing was measured."""
 
 
@@ -140,9 +138,9 @@ def _parse_far_end(declaration: Declaration, text: str, *, over_vpn: bool) -> Me
     except ValueError:
         address, port = IPv4Address(0), 0
     if address.is_unspecified or address.is_multicast or not 0 < port < 1 << 16:
-        raise UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
+        raise errors.UsageError(f"`far={text}` is no IPv4 address", hint=f"type it like `far=192.0.2.7:{PORT}`")
     if over_vpn and address not in declaration.pilot.vpn.network:
-        raise UsageError(
+        raise errors.UsageError(
             f"`far={text}` is no address in the VPN ({declaration.pilot.vpn.network})", hint="leave `over=vpn` out"
         )
     return MeasuredFarEnd(text, str(address), port, None)
@@ -152,7 +150,7 @@ def source_in_vpn(declaration: Declaration, far: str, port: int) -> str:
     """This computer's address in the VPN. UsageError: it has no tunnel of its own that is up."""
     address = _address_towards(far, port)
     if address not in declaration.pilot.vpn.network:
-        raise UsageError(
+        raise errors.UsageError(
             f"this computer has no tunnel of its own that is up: it would send to {far} from {address}",
             hint="measure from a computer that is in the VPN and connected, or leave `over=vpn` out",
         )
@@ -164,7 +162,7 @@ def source_of(declaration: Declaration, site: str, far: str, port: int) -> str:
     address = _address_towards(far, port)
     place = declaration.sites[site]
     if address not in place.lan.network and address not in place.management.network:
-        raise UsageError(
+        raise errors.UsageError(
             f"this computer would send from {address}, and only packets from networks of `{site}` pass its router",
             hint=f"plug it into the LAN ({place.lan.network}) or the management port ({place.management.network})",
         )
@@ -177,4 +175,4 @@ def _address_towards(far: str, port: int) -> IPv4Address:
             probe.connect((far, port))  # no packet is sent by it
             return IPv4Address(probe.getsockname()[0])
         except OSError as error:
-            raise UsageError(f"this computer has no way to {far}: {error.strerror}") from error
+            raise errors.UsageError(f"this computer has no way to {far}: {error.strerror}") from error

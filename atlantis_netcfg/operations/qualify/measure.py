@@ -7,14 +7,13 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.links.qualify import search, session
 from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.messages import MessageStream
 from atlantis_netcfg.links.qualify.messages_down import DownMessageStream
 from atlantis_netcfg.links.qualify.path_mtu import ETHERNET, PathMtu, path_mtu
 from atlantis_netcfg.links.qualify.reflector.stamp import AUTHENTICATED_SIZE
 from atlantis_netcfg.links.qualify.samples import MessageResult, PacketSent, ReplySample
-from atlantis_netcfg.links.qualify.search import RateLimit, SustainedRate, sustained_rate
-from atlantis_netcfg.links.qualify.session import EndReason, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.operations.qualify.plan import HIGHEST_HZ
 
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.links.qualify.budget import BudgetGuard
     from atlantis_netcfg.links.qualify.messages import MessagePlan
     from atlantis_netcfg.links.qualify.samples import Sample
-    from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer
     from atlantis_netcfg.links.qualify.transfers import MessageFigures
     from atlantis_netcfg.links.qualify.transport import Arrival, DatagramTransport
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan, RateCell
@@ -82,14 +80,14 @@ class Measurement:
     """A run under way; `samples` are those that were written."""
 
     plan: QualifyPlan
-    peer: ReflectorPeer
+    peer: session.ReflectorPeer
     transport: CountedTransport
     guard: BudgetGuard
     keep: Callable[[Sample], None]
     say: Callable[[str, int, int], None] = lambda _message, _step, _total: None
     samples: list[Sample] = field(default_factory=list)
     mtu: PathMtu = field(default_factory=lambda: PathMtu(None, None, "not measured"))
-    rates: list[SustainedRate] = field(default_factory=list)
+    rates: list[search.SustainedRate] = field(default_factory=list)
     reason: str = CUT_OFF
     """Why it ended, once it has begun."""
     unanswered_sizes: int = 0
@@ -116,25 +114,25 @@ class Measurement:
             *((cell.stream, partial(self._cell, cell)) for cell in self.plan.cells),
             *((f"highest rate of {size} octets", partial(self._search, size)) for size in self.plan.sizes),
         ]
-        self.reason = EndReason.DONE
+        self.reason = session.EndReason.DONE
         for number, (name, stage) in enumerate(stages):
             self.say(name, number, len(stages))
             try:
                 stage()
             except KeyboardInterrupt:
-                self.reason = EndReason.STOPPED
-            if self.reason != EndReason.DONE:
+                self.reason = session.EndReason.STOPPED
+            if self.reason != session.EndReason.DONE:
                 break
-        if self.reason == EndReason.DONE and self.plan.left_out and not self.plan.cells:
-            self.reason = EndReason.LEFT_OUT
+        if self.reason == session.EndReason.DONE and self.plan.left_out and not self.plan.cells:
+            self.reason = session.EndReason.LEFT_OUT
         return self.reason
 
     def _run_tunnel_switch(self) -> None:
         assert self.plan.tunnel_switch is not None  # noqa: S101 - `measure` has looked
-        self._run_streams(Train(TUNNEL_SWITCH, self.plan.tunnel_switch, self.peer, self.transport, self.write))
+        self._run_streams(session.Train(TUNNEL_SWITCH, self.plan.tunnel_switch, self.peer, self.transport, self.write))
 
     def _idle(self) -> None:
-        self._run_streams(Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
+        self._run_streams(session.Train(IDLE, self.plan.idle, self.peer, self.transport, self.write))
 
     def _mtu(self) -> None:
         times = self.plan.times
@@ -154,14 +152,15 @@ class Measurement:
         if self.guard.limited_by is not None:
             self.reason = self.guard.limited_by
         elif self.mtu.both is None and not any(isinstance(each, ReplySample) for each in self.samples):
-            self.reason = EndReason.SILENT
+            self.reason = session.EndReason.SILENT
 
     def _load(self) -> None:
         assert self.plan.load is not None  # noqa: S101 - `measure` has looked
         idle = self.plan.idle
-        beside = TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
+        beside = session.TrainPlan(AUTHENTICATED_SIZE, idle.interval_s, self.plan.times.load_s, idle.timeout_s)
         self._run_streams(
-            Train(UNDER_LOAD, beside, self.peer, self.transport, self.write), self._stream(LOAD_UP, self.plan.load)
+            session.Train(UNDER_LOAD, beside, self.peer, self.transport, self.write),
+            self._stream(LOAD_UP, self.plan.load),
         )
 
     def _load_down(self) -> None:
@@ -171,22 +170,22 @@ class Measurement:
     def _cell(self, cell: RateCell) -> None:
         self._run_streams(self._stream(cell.stream, cell.plan))
 
-    def _stream(self, name: str, plan: TrainPlan | MessagePlan) -> PacketStream:
-        if isinstance(plan, TrainPlan):
-            return Train(name, plan, self.peer, self.transport, self.write)
+    def _stream(self, name: str, plan: session.TrainPlan | MessagePlan) -> session.PacketStream:
+        if isinstance(plan, session.TrainPlan):
+            return session.Train(name, plan, self.peer, self.transport, self.write)
         return MessageStream(name, plan, self.peer, self.transport, self.write)
 
-    def _run_streams(self, *streams: PacketStream) -> None:
-        self.reason = run(self.transport, self.peer, streams, self.guard)
+    def _run_streams(self, *streams: session.PacketStream) -> None:
+        self.reason = session.run(self.transport, self.peer, streams, self.guard)
 
     def _search(self, size: int) -> None:
         idle = self._messages(f"rate {size} 0", size, None)
         if idle is None:
             return
         if idle.delay_p95_s is None:
-            self.rates.append(SustainedRate(size, None, RateLimit.SILENCE, ()))
+            self.rates.append(search.SustainedRate(size, None, search.RateLimit.SILENCE, ()))
             return
-        result = sustained_rate(
+        result = search.sustained_rate(
             size,
             lambda rate: self._messages(f"rate {size} {rate:g}", size, rate),
             idle_latency_s=0.0 if idle.latency is None else idle.latency.p50,
@@ -199,7 +198,7 @@ class Measurement:
     def _messages(self, stream: str, size: int, rate_hz: float | None) -> MessageFigures | None:
         plan = self.plan.single(size) if rate_hz is None else self.plan.window(size, rate_hz)
         self._run_streams(self._stream(stream, plan))
-        return message_figures(self.samples, stream) if self.reason == EndReason.DONE else None
+        return message_figures(self.samples, stream) if self.reason == session.EndReason.DONE else None
 
 
 def lost_packets(samples: Iterable[Sample]) -> int:

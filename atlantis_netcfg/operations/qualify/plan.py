@@ -11,18 +11,8 @@ from math import ceil
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.inventory.model import Pace
+from atlantis_netcfg.links.qualify import grids
 from atlantis_netcfg.links.qualify.budget import IPV4_HEADERS, VPN_HEADERS
-from atlantis_netcfg.links.qualify.grids import (
-    IMAGE_RATES_HZ,
-    IMAGES,
-    TELEMETRY_RATES_HZ,
-    TELEMETRY_SIZES,
-    NominalImage,
-    image_plan,
-    message_bytes,
-    telemetry_plan,
-    train_bytes,
-)
 from atlantis_netcfg.links.qualify.judgement import profile
 from atlantis_netcfg.links.qualify.measured_run import Selection
 from atlantis_netcfg.links.qualify.messages import MessagePlan
@@ -89,7 +79,7 @@ class RateCell:
     stream: str
     rate_hz: float
     plan: TrainPlan | MessagePlan
-    image: NominalImage | None = None
+    image: grids.NominalImage | None = None
     octets: int = 0
 
 
@@ -118,19 +108,23 @@ class QualifyPlan:
     def bytes(self) -> int:
         """What goes over the link at most, both ways together, headers included; nothing is sent again."""
         headers = self.headers
-        total = train_bytes(self.idle, headers) + _MTU_BYTES
+        total = grids.train_bytes(self.idle, headers) + _MTU_BYTES
         if self.tunnel_switch is not None:
-            total += train_bytes(self.tunnel_switch, headers)
+            total += grids.train_bytes(self.tunnel_switch, headers)
         if self.load is not None:
             beside = TrainPlan(AUTHENTICATED_SIZE, self.idle.interval_s, self.times.load_s)
-            total += message_bytes(self.load, headers) + train_bytes(beside, headers)
+            total += grids.message_bytes(self.load, headers) + grids.train_bytes(beside, headers)
         if self.load_down is not None:
             total += requested_bytes(self.load_down, headers)
         for cell in self.cells:
             each = cell.plan
-            total += train_bytes(each, headers) if isinstance(each, TrainPlan) else message_bytes(each, headers)
+            total += (
+                grids.train_bytes(each, headers) if isinstance(each, TrainPlan) else grids.message_bytes(each, headers)
+            )
         return total + sum(
-            message_bytes(window, headers) for size in self.sizes for window in (self.single(size), *self.windows(size))
+            grids.message_bytes(window, headers)
+            for size in self.sizes
+            for window in (self.single(size), *self.windows(size))
         )
 
     @property
@@ -161,7 +155,7 @@ class QualifyPlan:
 
     def carries_hz(self, size: int) -> float:
         """How many messages a second the declared rate has room for."""
-        return self.up_bps / 8 / message_bytes(MessagePlan(size, 1, 1), self.headers)
+        return self.up_bps / 8 / grids.message_bytes(MessagePlan(size, 1, 1), self.headers)
 
     def windows(self, size: int) -> Iterator[MessagePlan]:
         """Every window that the search may need where the declared rate is true."""
@@ -230,15 +224,15 @@ def _cells(selections: Sequence[Selection], times: StageTimes) -> Iterator[RateC
     # Fewer than ten packets prove nothing of a rate, so a rehearsal waits for no more than one.
     least = 1 if times is REHEARSAL_TIMES else _LEAST_MESSAGES
     if Selection.TELEMETRY in selections:
-        for octets in TELEMETRY_SIZES:
-            for rate in TELEMETRY_RATES_HZ:
-                grid_plan = telemetry_plan(octets, rate, max(times.cell_s, least / rate))
+        for octets in grids.TELEMETRY_SIZES:
+            for rate in grids.TELEMETRY_RATES_HZ:
+                grid_plan = grids.telemetry_plan(octets, rate, max(times.cell_s, least / rate))
                 plan = TrainPlan(grid_plan.size, grid_plan.interval_s, grid_plan.duration_s, times.timeout_s)
                 yield RateCell(f"telemetry {octets} {rate:g}", rate, plan, octets=octets)
     if Selection.IMAGES in selections:
-        for image in IMAGES:
-            for rate in IMAGE_RATES_HZ:
-                made_of = image_plan(image, rate, max(times.image_s, _LEAST_MESSAGES / rate))
+        for image in grids.IMAGES:
+            for rate in grids.IMAGE_RATES_HZ:
+                made_of = grids.image_plan(image, rate, max(times.image_s, _LEAST_MESSAGES / rate))
                 messages = MessagePlan(made_of.size, rate, made_of.duration_s, give_up_s=times.give_up_s)
                 yield RateCell(f"image {image.label} {rate:g}", rate, messages, image, image.octets)
 
@@ -247,4 +241,4 @@ def _offered_bps(cell: RateCell, headers: int) -> float:
     plan = cell.plan
     if isinstance(plan, TrainPlan):
         return 8 * (plan.size + headers) * cell.rate_hz
-    return 8 * message_bytes(MessagePlan(plan.size, 1, 1), headers) * cell.rate_hz
+    return 8 * grids.message_bytes(MessagePlan(plan.size, 1, 1), headers) * cell.rate_hz

@@ -17,12 +17,11 @@ from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links.qualify.measured_run import LinkCount
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
-from atlantis_netcfg.routeros.api import Command
+from atlantis_netcfg.routeros import api
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.routeros.api import Reply, Session
 
 _MANGLE = "/ip/firewall/mangle"
 _RULE = "/routing/rule"
@@ -52,21 +51,23 @@ class FlowCounts:
     """Received and sent bytes of each port, whatever they were."""
 
 
-def rows(flow: MeasuredFlow, link: str, ports: Sequence[str], rules: Reply, mangle: Reply) -> tuple[Command, ...]:
+def rows(
+    flow: MeasuredFlow, link: str, ports: Sequence[str], rules: api.Reply, mangle: api.Reply
+) -> tuple[api.Command, ...]:
     """The rows that lead the flow over a link and count it on every port; ahead of all others."""
     where = (("src-address", f"{flow.source}/32"), ("dst-address", f"{flow.far}/32"), ("table", f"via-{link}"))
-    rule = Command(f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_first(rules)))
+    rule = api.Command(f"{_RULE}/add", (("action", "lookup-only-in-table"), ("comment", MARK), *where, *_first(rules)))
     return (rule, *_counting(flow, ports, _first(mangle)))
 
 
-def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[Command]:
+def _counting(flow: MeasuredFlow, ports: Sequence[str], first: tuple[tuple[str, str], ...]) -> Iterator[api.Command]:
     words = (("action", "passthrough"), ("chain", "forward"), ("comment", MARK), ("protocol", "udp"))
     near, far = _end(flow.source, flow.source_port), _end(flow.far, flow.far_port)
     for port in ports:
         up = (("out-interface", port), *near("src"), *far("dst"))
         down = (("in-interface", port), *far("src"), *near("dst"))
         for way in (up, down):
-            yield Command(f"{_MANGLE}/add", (*words, *way, *first))
+            yield api.Command(f"{_MANGLE}/add", (*words, *way, *first))
 
 
 def _end(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str], ...]]:
@@ -74,24 +75,24 @@ def _end(address: str, port: int | None) -> Callable[[str], tuple[tuple[str, str
     return lambda side: tuple((f"{side}-{name}", value) for name, value in (("address", address), *number))
 
 
-def _first(reply: Reply) -> tuple[tuple[str, str], ...]:
+def _first(reply: api.Reply) -> tuple[tuple[str, str], ...]:
     first_id = next((row[".id"] for row in reply.check().rows if ".id" in row and row.get("dynamic") != "true"), None)
     return () if first_id is None else (("place-before", first_id),)
 
 
-async def first_rows(session: Session) -> tuple[Reply, Reply]:
+async def first_rows(session: api.Session) -> tuple[api.Reply, api.Reply]:
     """What stands on the router now, for `rows`."""
     ids = (".proplist", ".id,dynamic")
-    rules, mangle = await session.flight([Command(f"{menu}/print", (ids,)) for menu in (_RULE, _MANGLE)])
+    rules, mangle = await session.flight([api.Command(f"{menu}/print", (ids,)) for menu in (_RULE, _MANGLE)])
     return rules, mangle
 
 
-async def counters(session: Session) -> FlowCounts:
+async def counters(session: api.Session) -> FlowCounts:
     """Read the counting rows and the ports. Raises Refused, DeviceFailed where a row tells no count."""
-    rule = Command(
+    rule = api.Command(
         f"{_MANGLE}/print", ((".proplist", "in-interface,out-interface,packets,bytes"),), (f"?comment={MARK}",)
     )
-    interfaces = Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),))
+    interfaces = api.Command("/interface/print", ((".proplist", "name,default-name,rx-byte,tx-byte"),))
     rule_reply, ports = await session.flight([rule, interfaces])
     up, down = dict[str, tuple[int, int]](), dict[str, tuple[int, int]]()
     for row in rule_reply.check().rows:
@@ -110,9 +111,9 @@ async def counters(session: Session) -> FlowCounts:
     return FlowCounts(up, down, read)
 
 
-async def router_words(session: Session) -> str | None:
+async def router_words(session: api.Session) -> str | None:
     """What the router says that it is; None: it says nothing."""
-    read = Command("/system/resource/print", ((".proplist", "version,board-name"),))
+    read = api.Command("/system/resource/print", ((".proplist", "version,board-name"),))
     row = next(iter((await session.command(read)).check().rows), {})
     return f"{row.get('board-name', 'a router')}, RouterOS {row['version']}" if "version" in row else None
 

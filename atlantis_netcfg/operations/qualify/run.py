@@ -11,18 +11,9 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg import __version__
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, Verdict
-from atlantis_netcfg.links.qualify.budget import VPN_HEADERS, Budget, BudgetGuard
-from atlantis_netcfg.links.qualify.measured_run import (
-    SAMPLES_FILE,
-    BudgetLimits,
-    FarEnd,
-    LinkCount,
-    MeasuredRun,
-    Selection,
-    write_run,
-)
+from atlantis_netcfg.links.qualify import budget, measured_run
 from atlantis_netcfg.links.qualify.reflector.clock import ClockState, kernel_clock
 from atlantis_netcfg.links.qualify.samples import SampleWriter
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
@@ -31,20 +22,9 @@ from atlantis_netcfg.operations.allow_list_test.prove import temporarily
 from atlantis_netcfg.operations.common.costs import ports_of
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.site_links import link_of
-from atlantis_netcfg.operations.qualify.far_end import MeasuredFarEnd, NothingToQualify, source_in_vpn, source_of
+from atlantis_netcfg.operations.qualify import far_end, routing
 from atlantis_netcfg.operations.qualify.measure import CUT_OFF, CountedTransport, Measurement
 from atlantis_netcfg.operations.qualify.plan import build_plan, thresholds_of
-from atlantis_netcfg.operations.qualify.routing import (
-    MeasuredFlow,
-    TunnelTraffic,
-    counters,
-    first_rows,
-    judge_tunnel,
-    judge_way,
-    link_counts,
-    router_words,
-    rows,
-)
 from atlantis_netcfg.routeros.api import Command, Session
 from atlantis_netcfg.runs import NoJournal
 
@@ -59,7 +39,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.common.request import Request
     from atlantis_netcfg.operations.qualify.emulation import EmulatedLink
     from atlantis_netcfg.operations.qualify.plan import QualifyPlan
-    from atlantis_netcfg.operations.qualify.routing import FlowCounts
 
 _ALIVE_S: Final = 10.0
 """How often the router is asked whether its session is there: without it the rows go, and packets stray."""
@@ -73,12 +52,16 @@ NOT_OURS: Final = "the far end is not ours: it has no key, and confirms no messa
 def links_of_site(declaration: Declaration, site: str, name: str | None) -> tuple[Bearer, ...]:
     """The links that a person means: one, `all`, or the only one. Raises NothingToQualify."""
     if site not in declaration.sites:
-        raise NothingToQualify("measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}")
+        raise far_end.NothingToQualify(
+            "measure one site at a time", hint=f"the sites are: {', '.join(declaration.sites)}"
+        )
     bearers = declaration.sites[site].bearers
     result = tuple(bearer for bearer in bearers if name in {bearer.name, "all"}) if name is not None else bearers
     if not result or (name is None and len(result) > 1):
         why = f"`{site}` has several links" if name is None else f"`{site}` has no link `{name}`"
-        raise NothingToQualify(why, hint=f"type one of: {', '.join(f'link={each.name}' for each in bearers)}, link=all")
+        raise far_end.NothingToQualify(
+            why, hint=f"type one of: {', '.join(f'link={each.name}' for each in bearers)}, link=all"
+        )
     return result
 
 
@@ -86,7 +69,7 @@ def router_of(declaration: Declaration, site: str) -> Host:
     """The router that leads the packets. Raises NothingToQualify."""
     result = declaration.router_of(site)
     if result is None:
-        raise NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
+        raise far_end.NothingToQualify(f"`{site}` has no router that could lead test packets over one link")
     return result
 
 
@@ -97,22 +80,22 @@ class LinkRun:
     declaration: Declaration
     site: str
     bearer: Bearer
-    selection: Selection
-    limits: BudgetLimits
+    selection: measured_run.Selection
+    limits: measured_run.BudgetLimits
     folder: Path
     """Of this run: new and empty."""
-    far: MeasuredFarEnd
+    far: far_end.MeasuredFarEnd
     over_vpn: bool = False
     emulated_link: EmulatedLink | None = None
-    notify: Subscriber = lambda _event: None
+    notify: events.Subscriber = lambda _event: None
     facts: Mapping[str, str] = field(default_factory=dict)
     """What the boxes of the link have said before it begins."""
     clock: ClockState = field(default_factory=kernel_clock)
     """Of this computer, when it begins."""
     stop: threading.Event = field(default_factory=threading.Event)
     _router: str | None = None
-    _before: FlowCounts | None = None
-    _after: FlowCounts | None = None
+    _before: routing.FlowCounts | None = None
+    _after: routing.FlowCounts | None = None
     _remarks: list[str] = field(default_factory=list)
 
     @property
@@ -126,15 +109,17 @@ class LinkRun:
             confirms=self.far.is_ours,
         )
 
-    def measure(self, request: Request) -> tuple[MeasuredRun, Measurement]:
+    def measure(self, request: Request) -> tuple[measured_run.MeasuredRun, Measurement]:
         """Send, count, keep; both files of the folder are written, whatever happens. Raises NetcfgError."""
         router = router_of(self.declaration, self.site)
         with self._transport() as (transport, source, flow):
             counted_transport = CountedTransport(
-                transport, self.stop, tunnel_headers=VPN_HEADERS if self.over_vpn else 0
+                transport, self.stop, tunnel_headers=budget.VPN_HEADERS if self.over_vpn else 0
             )
-            guard = BudgetGuard(self._budget(), lambda: counted_transport.now_ns() / 1e9, counted_transport.headers)
-            with (self.folder / SAMPLES_FILE).open("x", encoding="utf-8") as file:
+            guard = budget.BudgetGuard(
+                self._budget(), lambda: counted_transport.now_ns() / 1e9, counted_transport.headers
+            )
+            with (self.folder / measured_run.SAMPLES_FILE).open("x", encoding="utf-8") as file:
                 peer = ReflectorPeer(
                     self.far.key, self.clock.is_synchronised, self.clock.error_s, counts=self.far.is_ours
                 )
@@ -142,19 +127,19 @@ class LinkRun:
                     self.plan, peer, counted_transport, guard, SampleWriter(file), self._progress(router.name)
                 )
                 initial_run = self._build_initial_run(source)
-                write_run(self.folder, initial_run)
+                measured_run.write_run(self.folder, initial_run)
                 try:
                     asyncio.run(self._run_measurement(router, request, measurement, flow))
                 except NetcfgError as failure:
                     self._remarks.append(str(failure))
-                    write_run(self.folder, self._finish_run(initial_run, measurement, router))
+                    measured_run.write_run(self.folder, self._finish_run(initial_run, measurement, router))
                     raise
             run = self._finish_run(initial_run, measurement, router)
-            write_run(self.folder, run)
+            measured_run.write_run(self.folder, run)
         return run, measurement
 
     @contextmanager
-    def _transport(self) -> Iterator[tuple[DatagramTransport, str, MeasuredFlow]]:
+    def _transport(self) -> Iterator[tuple[DatagramTransport, str, routing.MeasuredFlow]]:
         """What sends, from which address, and what the router sees of it."""
         vpn, far, port = self.declaration.pilot.vpn, self.far.address, self.far.port
         endpoint = str(vpn.endpoint)
@@ -163,37 +148,41 @@ class LinkRun:
             near = source = str(self.declaration.sites[self.site].management.technician)
             connection = self.emulated_link.transport()
         elif self.over_vpn:
-            near = source_of(self.declaration, self.site, endpoint, vpn.port)
-            source = source_in_vpn(self.declaration, far, port)
+            near = far_end.source_of(self.declaration, self.site, endpoint, vpn.port)
+            source = far_end.source_in_vpn(self.declaration, far, port)
             connection = UdpTransport((far, port), source=source)
         else:
-            near = source = source_of(self.declaration, self.site, far, port)
+            near = source = far_end.source_of(self.declaration, self.site, far, port)
             connection = UdpTransport((far, port), source=source)
         with connection as transport:
-            tunnel = MeasuredFlow(near, None, endpoint, vpn.port)
-            yield transport, source, tunnel if self.over_vpn else MeasuredFlow(near, transport.source[1], far, port)
+            tunnel = routing.MeasuredFlow(near, None, endpoint, vpn.port)
+            yield (
+                transport,
+                source,
+                tunnel if self.over_vpn else routing.MeasuredFlow(near, transport.source[1], far, port),
+            )
 
-    def _budget(self) -> Budget:
+    def _budget(self) -> budget.Budget:
         limits, tariff = self.limits, link_of(self.declaration, self.site, self.bearer.name).tariff
-        return Budget(
+        return budget.Budget(
             limits.max_bytes, limits.max_seconds, limits.max_price, tariff, closing_s=self.plan.times.timeout_s
         )
 
     async def _run_measurement(
-        self, router: Host, request: Request, measurement: Measurement, flow: MeasuredFlow
+        self, router: Host, request: Request, measurement: Measurement, flow: routing.MeasuredFlow
     ) -> None:
         """Have the rows on the router while everything is sent, and read its counts before they go."""
         job = device_job(self.declaration, router, request, NoJournal(), self.notify)
         async with await Session.open(job.endpoint) as session:
-            self._before = await counters(session)
-            self._router = await router_words(session)
+            self._before = await routing.counters(session)
+            self._router = await routing.router_words(session)
             ports = [port for port, link in ports_of(router).items() if link in self._links(router).values()]
-            counter_rows = rows(flow, self.bearer.name, ports, *await first_rows(session))
+            counter_rows = routing.rows(flow, self.bearer.name, ports, *await routing.first_rows(session))
             async with temporarily(session, counter_rows):
                 await self._send(session, measurement)
                 if self.emulated_link is not None:
                     self._remarks += self.emulated_link.tell(router.name, flow)
-                self._after = await counters(session)
+                self._after = await routing.counters(session)
 
     async def _send(self, session: Session, measurement: Measurement) -> None:
         """Send in a thread; where the router's session is lost, the rows are, too, and nothing more is sent."""
@@ -213,12 +202,14 @@ class LinkRun:
         return {port: link for port, link in ports_of(router).items() if link in bearers}
 
     def _progress(self, router: str) -> Callable[[str, int, int], None]:
-        return lambda message, step, total: self.notify(Event(router, Stage.VERIFYING, message, step, total))
+        return lambda message, step, total: self.notify(
+            events.Event(router, events.Stage.VERIFYING, message, step, total)
+        )
 
-    def _build_initial_run(self, source: str) -> MeasuredRun:
+    def _build_initial_run(self, source: str) -> measured_run.MeasuredRun:
         name, thresholds = thresholds_of(self.bearer, is_rehearsal=self.emulated_link is not None)
         billing = self.bearer.billing if self.bearer.metered else None
-        return MeasuredRun(
+        return measured_run.MeasuredRun(
             id=self.folder.name,
             tool=__version__,
             site=self.site,
@@ -226,7 +217,7 @@ class LinkRun:
             kind=self.bearer.kind.value,
             emulated=self.emulated_link is not None,
             selection=self.selection,
-            far_end=FarEnd(
+            far_end=measured_run.FarEnd(
                 name=self.far.name,
                 address=self.far.address,
                 port=self.far.port,
@@ -247,9 +238,11 @@ class LinkRun:
             time_zone=self.declaration.pilot.time_zone,
         )
 
-    def _finish_run(self, initial_run: MeasuredRun, measurement: Measurement, router: Host) -> MeasuredRun:
+    def _finish_run(
+        self, initial_run: measured_run.MeasuredRun, measurement: Measurement, router: Host
+    ) -> measured_run.MeasuredRun:
         transport, mtu = measurement.transport, measurement.mtu
-        counts = () if self._before is None else link_counts(self._links(router), self._before, self._after)
+        counts = () if self._before is None else routing.link_counts(self._links(router), self._before, self._after)
         way, why = self._judge(counts, measurement)
         charge = measurement.guard.current_bill()
         return initial_run.model_copy(
@@ -271,14 +264,19 @@ class LinkRun:
             }
         )
 
-    def _judge(self, counts: tuple[LinkCount, ...], measurement: Measurement) -> tuple[Verdict, str]:
+    def _judge(
+        self, counts: tuple[measured_run.LinkCount, ...], measurement: Measurement
+    ) -> tuple[events.Verdict, str]:
         transport = measurement.transport
         if self.over_vpn:
-            up = TunnelTraffic(transport.sent_packets, transport.sent_bytes)
-            return judge_tunnel(
-                self.bearer.name, counts, up, TunnelTraffic(transport.received_packets, transport.received_bytes)
+            up = routing.TunnelTraffic(transport.sent_packets, transport.sent_bytes)
+            return routing.judge_tunnel(
+                self.bearer.name,
+                counts,
+                up,
+                routing.TunnelTraffic(transport.received_packets, transport.received_bytes),
             )
-        return judge_way(
+        return routing.judge_way(
             self.bearer.name, counts, transport.sent_packets, transport.received_packets, measurement.max_lost
         )
 

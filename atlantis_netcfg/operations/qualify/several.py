@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, worst
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.links.cost import bill
 from atlantis_netcfg.links.qualify.budget import BudgetLimit
 from atlantis_netcfg.links.qualify.measured_run import BudgetLimits
@@ -47,11 +47,11 @@ class SeveralResults:
     not_measured: tuple[SkippedLink, ...] = ()
 
     @property
-    def exit(self) -> ExitCode:
+    def exit(self) -> errors.ExitCode:
         """The worst of all; a link over which nothing was sent is green for no other one."""
         codes = [each.exit for each in self.results]
-        code = worst(codes)
-        return code.unproven_code if self.not_measured or ExitCode.NOTHING in codes else code
+        code = errors.worst(codes)
+        return code.unproven_code if self.not_measured or errors.ExitCode.NOTHING in codes else code
 
 
 def measure_each(
@@ -76,7 +76,7 @@ def measure_each(
 def _ends_all(result: QualifyResult, limits: BudgetLimits) -> str:
     """Why no further link is measured; empty: it is."""
     run = result.run
-    if result.failure is not None and not isinstance(result.failure, DeviceError):
+    if result.failure is not None and not isinstance(result.failure, errors.DeviceError):
         return f"{run.link} was left in a state that nobody knows"
     if run.reason == EndReason.STOPPED:
         return "the measurement was stopped"

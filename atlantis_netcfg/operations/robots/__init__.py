@@ -13,21 +13,13 @@ from ipaddress import IPv4Address
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError, complete
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.inventory import InventoryInvalid
+from atlantis_netcfg.inventory import InventoryInvalid, model
 from atlantis_netcfg.inventory.loader import shown_path
-from atlantis_netcfg.inventory.model import ControlCentre, Guest, ServerComputer
 from atlantis_netcfg.inventory.new_inventory.yaml_text import VaultSecret, document
-from atlantis_netcfg.inventory.robots.reading import (
-    FOLDER,
-    NO_ROBOT_CONTACTED,
-    key_names,
-    load_robots,
-    past_guests,
-    read_published,
-)
+from atlantis_netcfg.inventory.robots import reading
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.operations.common.request import refuse_examples
 from atlantis_netcfg.robots.message_types import INTERFACES, MessageTypes
@@ -42,9 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.inventory.model import Dds, Vehicle
     from atlantis_netcfg.inventory.robots.key_names import KeyNames
-    from atlantis_netcfg.inventory.robots.reading import RobotSource
     from atlantis_netcfg.robots.observation import RobotObservation
     from atlantis_netcfg.robots.replay import Bag
 
@@ -64,28 +54,30 @@ def seconds_of(text: str) -> int:
     seconds = int(match[1]) * (60 if match[2] == "m" else 1) if match else 0
     if not SHORTEST_S <= seconds <= LONGEST_S:
         hint = f"type seconds or minutes, from {SHORTEST_S} s to an hour: `30s`, `5m`"
-        raise UsageError(f"`{text}` is no such time", hint=hint)
+        raise errors.UsageError(f"`{text}` is no such time", hint=hint)
     return seconds
 
 
-def robots_of(declaration: Declaration) -> tuple[list[RobotSource], KeyNames]:
+def robots_of(declaration: Declaration) -> tuple[list[reading.RobotSource], KeyNames]:
     """Every robot of the inventory. Raises InventoryInvalid, and NothingMatched where there is none."""
-    sources, names = load_robots(declaration)
+    sources, names = reading.load_robots(declaration)
     if not sources:
-        raise NoMatchError("no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how")
+        raise errors.NoMatchError(
+            "no robot is declared", hint="put the robots' files into robots/: docs/robots.md says how"
+        )
     return sources, names
 
 
-def without_file(vehicle: str) -> NoMatchError:
+def without_file(vehicle: str) -> errors.NoMatchError:
     """Why nothing is known of what a vehicle publishes."""
     hint = f"docs/robots.md says how; `provision robot validate vehicle={vehicle}` checks it"
-    return NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
+    return errors.NoMatchError(f"there is no robots/{vehicle}.yml, which says what `{vehicle}` publishes", hint=hint)
 
 
-def dds_of(declaration: Declaration) -> Dds:
+def dds_of(declaration: Declaration) -> model.Dds:
     """How the pilot's participants find each other. Raises UsageError."""
     if declaration.pilot.dds is None:
-        raise UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
+        raise errors.UsageError("the pilot declares no `dds`", hint="write `dds: {distribution: foxy}` below `pilot:`")
     return declaration.pilot.dds
 
 
@@ -97,7 +89,9 @@ def own_address(declaration: Declaration, site: str) -> str:
             probe.connect((str(network.gateway), 9))
         except OSError as error:
             hint = f"plug it into the LAN of {site}, or join the VPN; `address=` names another address of this computer"
-            raise UsageError(f"this computer has no way to {network.network}: {error.strerror}", hint=hint) from error
+            raise errors.UsageError(
+                f"this computer has no way to {network.network}: {error.strerror}", hint=hint
+            ) from error
         return str(probe.getsockname()[0])
 
 
@@ -106,7 +100,7 @@ def _ip_address(address: str) -> IPv4Address:
         return IPv4Address(address)
     except ValueError:
         message = f"`address={address}` is no IPv4 address"
-        raise UsageError(message, hint="`ip address` shows those of this computer") from None
+        raise errors.UsageError(message, hint="`ip address` shows those of this computer") from None
 
 
 def listening_address(declaration: Declaration, site: str, address: str | None) -> str:
@@ -122,7 +116,8 @@ def computers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
     computers = [
         host.device
         for host in declaration.hosts.values()
-        if isinstance(host.device, ServerComputer) and (host.site in sites or isinstance(host.device, ControlCentre))
+        if isinstance(host.device, model.ServerComputer)
+        and (host.site in sites or isinstance(host.device, model.ControlCentre))
     ]
     addresses = [str(each.address) for each in computers]
     addresses += [str(each.vpn_address) for each in computers if each.vpn_address is not None]
@@ -138,10 +133,10 @@ def peers_of(declaration: Declaration, sites: Sequence[str]) -> list[str]:
 
 def expected_at(declaration: Declaration, site: str) -> list[str]:
     """The vehicles that are tested at a site; guests until their last day."""
-    vehicle_names, past = declaration.sites[site].checklist.vehicles, past_guests(declaration)
+    vehicle_names, past = declaration.sites[site].checklist.vehicles, reading.past_guests(declaration)
 
-    def is_tested(key: str, vehicle: Vehicle) -> bool:
-        if isinstance(vehicle, Guest):
+    def is_tested(key: str, vehicle: model.Vehicle) -> bool:
+        if isinstance(vehicle, model.Guest):
             return site in vehicle.tested_at and key not in past
         return vehicle_names is None or key in vehicle_names
 
@@ -150,7 +145,7 @@ def expected_at(declaration: Declaration, site: str) -> list[str]:
 
 def recorder(declaration: Declaration, folder: str) -> BagRecorder:
     """What writes a bag into a new folder. Raises UsageError."""
-    return BagRecorder(Path(folder), MessageTypes(declaration.root / FOLDER / INTERFACES))
+    return BagRecorder(Path(folder), MessageTypes(declaration.root / reading.FOLDER / INTERFACES))
 
 
 def discover(
@@ -159,7 +154,7 @@ def discover(
     """Listen at a site, and compare what is heard with the robots' files. Raises UsageError."""
     _, names = robots_of(declaration)
     dds = dds_of(declaration)
-    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
     local = listening_address(declaration, site, address)
     with (
         domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number,
@@ -176,9 +171,10 @@ def compare(declaration: Declaration, site: str, observation: RobotObservation) 
     expected_vehicles = expected_at(declaration, site)
     reports = [
         replace(
-            report, findings=tuple(replace(each, hint=complete(each.hint or "", site=site)) for each in report.findings)
+            report,
+            findings=tuple(replace(each, hint=errors.complete(each.hint or "", site=site)) for each in report.findings),
         )
-        for report in judge(observation, sources, expected_vehicles, names, past_guests(declaration))
+        for report in judge(observation, sources, expected_vehicles, names, reading.past_guests(declaration))
     ]
     for vehicle in sorted({*expected_vehicles} - {source.vehicle for source in sources}):
         error = without_file(vehicle)
@@ -194,20 +190,22 @@ def save(
 
     Raises NothingMatched, UsageError, InventoryInvalid: then nothing is written.
     """
-    names, _ = key_names(declaration)
-    copies = {each.writer.participant: read_published(each.text, names)[0] for each in observation.configurations}
+    names, _ = reading.key_names(declaration)
+    copies = {
+        each.writer.participant: reading.read_published(each.text, names)[0] for each in observation.configurations
+    }
     robots = [robot for robot in copies.values() if robot is not None and robot.name == namespace]
     if len(robots) != 1:
         message = f"{len(robots)} robots of the namespace `{namespace}` were heard, so no file was written"
         others = ", ".join(sorted({robot.name for robot in copies.values() if robot is not None})) or "none"
-        raise NoMatchError(message, hint=f"readable configurations that were heard are of: {others}")
+        raise errors.NoMatchError(message, hint=f"readable configurations that were heard are of: {others}")
     vehicle = vehicle_key(namespace)
-    path = declaration.root / FOLDER / f"{vehicle}.yml"
+    path = declaration.root / reading.FOLDER / f"{vehicle}.yml"
     if vehicle not in declaration.vehicles:
         hint = "declare it first: the finding `robot-unknown` shows the command"
-        raise NoMatchError(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
+        raise errors.NoMatchError(f"no vehicle is called `{vehicle}`, so no file was written", hint=hint)
     if path.exists():
-        raise UsageError(
+        raise errors.UsageError(
             f"{shown_path(path)} is there already", hint="leave `save=` out: it is compared with that file"
         )
     token = robots[0].token
@@ -217,7 +215,7 @@ def save(
     with os_errors_as("the robot's file", path):
         write_atomically(path, text.encode(), mode=_READABLE)
     try:
-        load_robots(declaration)
+        reading.load_robots(declaration)
     except InventoryInvalid:
         path.unlink()
         raise
@@ -226,23 +224,23 @@ def save(
 
 async def hear(declaration: Declaration, site: str, seconds: float) -> RobotObservation:
     """Listen at a site, and let others work meanwhile. Raises UsageError."""
-    names, _ = key_names(declaration)
+    names, _ = reading.key_names(declaration)
     dds = dds_of(declaration)
     local = listening_address(declaration, site, None)
-    types = await asyncio.to_thread(MessageTypes, declaration.root / FOLDER / INTERFACES)
+    types = await asyncio.to_thread(MessageTypes, declaration.root / reading.FOLDER / INTERFACES)
     with domain(dds.domain, profile(local, peers_of(declaration, [site]), dds.participants)) as number:
         return await RobotListener(number, types, names.configuration_topic, local).listen_beside_others(seconds)
 
 
-def ending(reports: Sequence[RobotReport], observation: RobotObservation) -> ExitCode:
+def ending(reports: Sequence[RobotReport], observation: RobotObservation) -> errors.ExitCode:
     """0: every robot that was expected was heard and is as declared; a stranger, and silence, are never that."""
     declared_reports = [report for report in reports if report.state is RobotState.DECLARED]
     if not observation.participants or not declared_reports:
-        return ExitCode.CHECKS_FAILED
+        return errors.ExitCode.CHECKS_FAILED
     is_success = all(
         report.state is not RobotState.UNKNOWN and report.verdict in {Verdict.PASS, Verdict.WARN} for report in reports
     )
-    return ExitCode.DONE if is_success else ExitCode.CHECKS_FAILED
+    return errors.ExitCode.DONE if is_success else errors.ExitCode.CHECKS_FAILED
 
 
 @dataclass(frozen=True, slots=True)
@@ -276,7 +274,7 @@ def mock(
     """
     sources, names = robots_of(declaration)
     dds = dds_of(declaration)
-    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
     selected_sources = {each.vehicle: each for each in sources if not vehicles or each.vehicle in vehicles}
     for vehicle in vehicles:
         if vehicle not in selected_sources:
@@ -302,10 +300,10 @@ def replay(  # noqa: PLR0913 - what a person types
     loop: bool,
 ) -> None:
     """Publish a bag until it or the time is over; `tell` hears what is in it when it begins. Raises UsageError."""
-    dds, (names, findings) = dds_of(declaration), key_names(declaration)
+    dds, (names, findings) = dds_of(declaration), reading.key_names(declaration)
     if findings:
-        raise InventoryInvalid(findings, NO_ROBOT_CONTACTED)
-    types = MessageTypes(declaration.root / FOLDER / INTERFACES)
+        raise InventoryInvalid(findings, reading.NO_ROBOT_CONTACTED)
+    types = MessageTypes(declaration.root / reading.FOLDER / INTERFACES)
     with domain(dds.domain, profile(place.address, place.peers, max(_LISTENERS, dds.participants))) as number:
         contents = read_bag(Path(bag), types, names)
         player = BagPlayer(contents, types, number, names.configuration_topic, loop=loop)

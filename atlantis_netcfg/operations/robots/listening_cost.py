@@ -6,8 +6,8 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.links.cost import Preview, preview
+from atlantis_netcfg.operations import robots
 from atlantis_netcfg.operations.common.site_links import link_of
-from atlantis_netcfg.operations.robots import dds_of, expected_at, peers_of, robots_of
 from atlantis_netcfg.robots.network import ANNOUNCE_S
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ def listening_cost(declaration: Declaration, site: str, seconds: float, address:
     place = IPv4Address(address())
     if place.is_loopback or place in declaration.sites[site].lan.network:
         return None
-    sources, _ = robots_of(declaration)
-    here = [each for each in sources if each.vehicle in expected_at(declaration, site)]
+    sources, _ = robots.robots_of(declaration)
+    here = [each for each in sources if each.vehicle in robots.expected_at(declaration, site)]
     rates = [(1.0, each.size) for each in here]
     rates += [
         (topic.rate_hz, topic.size_bytes)
@@ -42,6 +42,6 @@ def listening_cost(declaration: Declaration, site: str, seconds: float, address:
         for topic in declaration.vehicles[str(each.vehicle)].telemetry
     ]
     steady = sum(rate * (octets + _AROUND_A_MESSAGE) for rate, octets in rates)
-    ports = len(set(peers_of(declaration, [site]))) * (dds_of(declaration).participants + 1)
+    ports = len(set(robots.peers_of(declaration, [site]))) * (robots.dds_of(declaration).participants + 1)
     announcements = ports * (seconds / ANNOUNCE_S + 1) * _ANNOUNCEMENT
     return preview(round(seconds * steady + announcements), seconds, link_of(declaration, site, bearers[0].name))

@@ -10,9 +10,9 @@ from importlib import resources
 from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.computers.services import ENVIRONMENT
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.processes.remote_process import Carrier
-from atlantis_netcfg.inventory.model import ControlCentre, ServerComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.inventory.robots.reading import FOLDER, key_names
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
 from atlantis_netcfg.operations.computers._access import computer_access, key_trouble
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.processes.remote_process import ProcessResult
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Dds
     from atlantis_netcfg.robots.observation import RobotObservation
 
 VENV: Final = "/opt/atlantis-dds"
@@ -41,17 +40,21 @@ _LARGEST: Final = 32_000_000
 _NOT_FOUND: Final = 127
 
 
-class ListenError(NetcfgError):
+class ListenError(errors.NetcfgError):
     """Another computer did not listen to its end, so that nothing is known of any robot."""
 
-    exit = ExitCode.CHECKS_FAILED
+    exit = errors.ExitCode.CHECKS_FAILED
 
 
-def listening_computer(declaration: Declaration, host: Host) -> ServerComputer:
+def listening_computer(declaration: Declaration, host: Host) -> model.ServerComputer:
     """The computer of a host that can listen. Raises UsageError for one that uses no DDS."""
-    if not isinstance(host.device, ServerComputer):
-        there = ", ".join(each.name for each in declaration.hosts.values() if isinstance(each.device, ServerComputer))
-        raise UsageError(f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}")
+    if not isinstance(host.device, model.ServerComputer):
+        there = ", ".join(
+            each.name for each in declaration.hosts.values() if isinstance(each.device, model.ServerComputer)
+        )
+        raise errors.UsageError(
+            f"`{host.name}` is a {host.device.kind}: it does not use DDS", hint=f"hosts that do: {there}"
+        )
     return host.device
 
 
@@ -71,7 +74,7 @@ def listen_there(
     device = listening_computer(declaration, host)
     refuse_examples(declaration, is_rehearsal=request.rehearsed)
     if sites is None:
-        sites = list(declaration.sites) if isinstance(device, ControlCentre) else [host.site]
+        sites = list(declaration.sites) if isinstance(device, model.ControlCentre) else [host.site]
     names, _ = key_names(declaration)
     settings = {
         "domain": dds.domain,
@@ -98,7 +101,7 @@ def _program(settings: Mapping[str, Any]) -> bytes:
     return zlib.compress(f"{source}\n\nmain(json.loads({words!r}))\n".encode(), 9)
 
 
-def _command(dds: Dds) -> str:
+def _command(dds: model.Dds) -> str:
     """A shell's words: Python with cyclonedds if there is one, else with ROS 2 and the environment of the site."""
     home = shlex.quote(f"/opt/ros/{dds.distribution.value}/setup.sh")
     return (

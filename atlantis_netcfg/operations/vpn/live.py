@@ -23,7 +23,7 @@ from atlantis_netcfg.operations.vpn.server_state import (
     read_answer,
     sessions_of,
 )
-from atlantis_netcfg.vpn.server import CCD, FIREWALL, live_files
+from atlantis_netcfg.vpn import server
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -122,7 +122,9 @@ def desired_files(
 ) -> tuple[File, ...]:
     """The live files that the server must have, from the record."""
     ca = (authority.folder / "ca.crt").read_text(encoding="ascii")
-    return live_files(declaration, authority.membership() if membership is None else membership, authority.crl(), ca=ca)
+    return server.live_files(
+        declaration, authority.membership() if membership is None else membership, authority.crl(), ca=ca
+    )
 
 
 def check_record(authority: Authority, state: ServerState) -> None:
@@ -139,7 +141,9 @@ def push(declaration: Declaration, authority: Authority, link: ServerLink) -> Pu
     files = desired_files(declaration, authority)
     lacks: Collection[str] = ()
     for _ in range(_TRIES):
-        values = link.ask("push", place=dict(PLACE), files=[_build_file_row(file, lacks) for file in files], only=[CCD])
+        values = link.ask(
+            "push", place=dict(PLACE), files=[_build_file_row(file, lacks) for file in files], only=[server.CCD]
+        )
         with read_answer("push"):
             missing = tuple(map(str, values["lacks"]))
             if not missing:
@@ -161,7 +165,9 @@ def revoke_live(
     """
     membership = authority.membership()
     files = [
-        file for file in desired_files(declaration, authority, membership) if file.path in (PLACE["crl"], FIREWALL)
+        file
+        for file in desired_files(declaration, authority, membership)
+        if file.path in (PLACE["crl"], server.FIREWALL)
     ]
     names, addresses = tuple(common_names), _addresses(membership, common_names)
     began = time.monotonic()

@@ -19,26 +19,14 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg import __version__
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError, NoMatchError, UsageError, complete
+from atlantis_netcfg import __version__, runs
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Subscriber, ignore
 from atlantis_netcfg.inventory.model import Router
 from atlantis_netcfg.operations.common.costs import gate
 from atlantis_netcfg.operations.common.jobs import device_job
 from atlantis_netcfg.operations.common.request import Request, refuse_examples
-from atlantis_netcfg.routeros.apply import DeviceJob, JobMode, Status, converge
-from atlantis_netcfg.runs import (
-    Journal,
-    NoJournal,
-    Outcome,
-    Purpose,
-    RunEnd,
-    RunStart,
-    StatesOnly,
-    Store,
-    conclude,
-    mark_unrecorded,
-)
+from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.vpn import routeros
 from atlantis_netcfg.vpn.enrolment_package.profile import read_identity
 from atlantis_netcfg.vpn.identity import Identity, KeyType
@@ -54,8 +42,8 @@ class InstalledIdentity:
     """How it ended; what is told as done was read back."""
 
     device: str
-    status: Status
-    exit: ExitCode
+    status: apply.Status
+    exit: errors.ExitCode
     message: str
     hint: str | None = None
     changes: tuple[str, ...] = ()
@@ -87,14 +75,14 @@ def identity_for(declaration: Declaration, host: Host, request: Request) -> Iden
         return rehearsed_identity(declaration, host)
     path = request.identity_of(host.name)
     if path is None:
-        raise UsageError(
+        raise errors.UsageError(
             f"there is no identity of {host.name} on this computer",
             hint=f"`provision vpn onboard host={host.name}` where the authority is,"
             " else `provision vpn accept file=FILE` with what it has handed out",
         )
     identity = read_identity(path.read_text(encoding="ascii"))
     if identity.member.name != host.name:
-        raise UsageError(f"{path} is the identity of {identity.member.name}, not of {host.name}")
+        raise errors.UsageError(f"{path} is the identity of {identity.member.name}, not of {host.name}")
     return identity
 
 
@@ -115,35 +103,44 @@ def install(  # noqa: PLR0913 - all that a command line says
     importing, job = _prepare(declaration, host, identity, request, notify)
     try:
         observation = asyncio.run(importing.look())
-    except NetcfgError as failure:
+    except errors.NetcfgError as failure:
         return _failure_result(importing, failure)
     if not observation.changes:
-        return InstalledIdentity(host.name, Status.UNCHANGED, ExitCode.DONE, "already so", notes=observation.notes)
+        return InstalledIdentity(
+            host.name, apply.Status.UNCHANGED, errors.ExitCode.DONE, "already so", notes=observation.notes
+        )
     if plan:
         message = f"{len(observation.changes)} changes to make"
         return InstalledIdentity(
-            host.name, Status.PLANNED, ExitCode.CHANGES, message, changes=observation.changes, notes=observation.notes
+            host.name,
+            apply.Status.PLANNED,
+            errors.ExitCode.CHANGES,
+            message,
+            changes=observation.changes,
+            notes=observation.notes,
         )
-    store = Store(request.state, is_rehearsal=request.rehearsed)
-    start_record = RunStart(
+    store = runs.Store(request.state, is_rehearsal=request.rehearsed)
+    start_record = runs.RunStart(
         site=host.site,
         revision=declaration.revision,
         tool=__version__,
         hosts=(host.name,),
         rehearsed=request.rehearsed,
         command=request.command,
-        purpose=Purpose.INSTALL,
+        purpose=runs.Purpose.INSTALL,
     )
     with store.lock(host.site, request.command), store.start(start_record) as journal:
-        result = _run_with_journal(importing, replace(job, journal=StatesOnly(journal)), journal)
-        outcome = Outcome(device=host.name, status=result.status.value, exit=int(result.exit), message=result.message)
-        return mark_unrecorded(result, conclude(journal, outcome, RunEnd(exit=int(result.exit))))
+        result = _run_with_journal(importing, replace(job, journal=runs.StatesOnly(journal)), journal)
+        outcome = runs.Outcome(
+            device=host.name, status=result.status.value, exit=int(result.exit), message=result.message
+        )
+        return runs.mark_unrecorded(result, runs.conclude(journal, outcome, runs.RunEnd(exit=int(result.exit))))
 
 
 def _require_router(host: Host) -> None:
     if not isinstance(host.device, Router):
         kind = host.device.kind.replace("_", " ")
-        raise NoMatchError(
+        raise errors.NoMatchError(
             f"{host.name} is a {kind}: an identity is installed on routers alone",
             hint=f"gateways get theirs from `provision site={host.site}`",
         )
@@ -151,22 +148,22 @@ def _require_router(host: Host) -> None:
 
 def _prepare(
     declaration: Declaration, host: Host, identity: Identity, request: Request, notify: Subscriber
-) -> tuple[RouterImport, DeviceJob]:
+) -> tuple[RouterImport, apply.DeviceJob]:
     _require_router(host)
     tunnel = routeros.find_tunnel(declaration, host)
     if tunnel is None:
-        raise UsageError(
+        raise errors.UsageError(
             f"{host.name} is not its site's end of the VPN",
             hint=f"declare `vpn_client:` in host_vars/{host.name}.yml",
         )
     if identity.certificate.not_after <= datetime.now(UTC):
-        raise UsageError(
+        raise errors.UsageError(
             f"the identity of {host.name} was good until {identity.certificate.not_after:%Y-%m-%d}",
             hint=f"`provision vpn renew name={host.name}` where the authority is, and here what it hands out",
         )
     refuse_examples(declaration, is_rehearsal=request.rehearsed)
     gate(declaration, [host], request)
-    job = device_job(declaration, host, request, NoJournal(), notify)
+    job = device_job(declaration, host, request, runs.NoJournal(), notify)
     importing = RouterImport(
         name=host.name,
         site=host.site,
@@ -180,22 +177,30 @@ def _prepare(
     return importing, job
 
 
-def _run_with_journal(importing: RouterImport, job: DeviceJob, journal: Journal) -> InstalledIdentity:
+def _run_with_journal(importing: RouterImport, job: apply.DeviceJob, journal: runs.Journal) -> InstalledIdentity:
     try:
         changes, notes = asyncio.run(_run(importing, job))
-    except NetcfgError as failure:
+    except errors.NetcfgError as failure:
         return replace(_failure_result(importing, failure), run=journal.run)
     message = f"{importing.tunnel.name} is imported, with the certificate {importing.tunnel.certificate}: read back"
     notes = (*notes, *_key_notes(importing.identity))
     return InstalledIdentity(
-        importing.name, Status.CHANGED, ExitCode.DONE, message, changes=changes, notes=notes, run=journal.run
+        importing.name,
+        apply.Status.CHANGED,
+        errors.ExitCode.DONE,
+        message,
+        changes=changes,
+        notes=notes,
+        run=journal.run,
     )
 
 
-async def _run(importing: RouterImport, job: DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    backup = await converge(job, mode=JobMode.BACKUP)
-    if backup.exit is not ExitCode.DONE:
-        raise DeviceError(f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint)
+async def _run(importing: RouterImport, job: apply.DeviceJob) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    backup = await apply.converge(job, mode=apply.JobMode.BACKUP)
+    if backup.exit is not errors.ExitCode.DONE:
+        raise errors.DeviceError(
+            f"its state could not be saved, so nothing was sent: {backup.message}", hint=backup.hint
+        )
     observation = await importing.carry_out()
     return observation.changes, observation.notes
 
@@ -209,7 +214,7 @@ def _key_notes(identity: Identity) -> tuple[str, ...]:
     )
 
 
-def _failure_result(importing: RouterImport, failure: NetcfgError) -> InstalledIdentity:
-    status = Status.UNKNOWN if failure.exit is ExitCode.UNKNOWN else Status.LEFT_AS_FOUND
-    hint = failure.hint and complete(failure.hint, site=importing.site, device=importing.name)
+def _failure_result(importing: RouterImport, failure: errors.NetcfgError) -> InstalledIdentity:
+    status = apply.Status.UNKNOWN if failure.exit is errors.ExitCode.UNKNOWN else apply.Status.LEFT_AS_FOUND
+    hint = failure.hint and errors.complete(failure.hint, site=importing.site, device=importing.name)
     return InstalledIdentity(importing.name, status, failure.exit, str(failure), hint)

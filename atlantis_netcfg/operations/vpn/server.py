@@ -11,11 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError, OutcomeUnknown, UsageError, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber, ignore
+from atlantis_netcfg.operations.computers import remote_session
 from atlantis_netcfg.operations.computers._access import computer_access
-from atlantis_netcfg.operations.computers.remote_session import ServerAway, ServerLink, ServerRefusal, SshLink
-from atlantis_netcfg.operations.vpn import live
+from atlantis_netcfg.operations.vpn import live, server_state
+from atlantis_netcfg.vpn.identity import Wrap
+from atlantis_netcfg.vpn.systems import wrap_of
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration
@@ -23,17 +25,6 @@ if TYPE_CHECKING:
     from atlantis_netcfg.operations.vpn.live import RevocationEvidence
     from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.authority.model import RevocationResult
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.operations.computers.remote_session import RecordOlder
-from atlantis_netcfg.operations.vpn.server_state import ServerState, drift, observe
-from atlantis_netcfg.vpn.identity import Wrap
-from atlantis_netcfg.vpn.systems import wrap_of
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.inventory import Declaration
-    from atlantis_netcfg.vpn.authority.authority import Authority
     from atlantis_netcfg.vpn.identity import MembershipList
 
 
@@ -60,35 +51,35 @@ class DeployResult:
 class Server(Protocol):
     """The server, as the commands ask it."""
 
-    def hold(self, authority: Authority, notify: Subscriber) -> None:
+    def hold(self, authority: Authority, notify: events.Subscriber) -> None:
         """Before anything is signed or sent: raise RecordOlder where the server has what the record does not know."""
 
-    def get_crl(self, notify: Subscriber) -> bytes:
+    def get_crl(self, notify: events.Subscriber) -> bytes:
         """The list of revoked certificates that it has, PEM."""
 
-    def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:
+    def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:
         """Bring it to what is recorded."""
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:
         """The same, and see that those who were revoked are dead."""
 
 
 class NoPush:
     """`--no-push`: nothing is contacted."""
 
-    def hold(self, authority: Authority, notify: Subscriber) -> None:
+    def hold(self, authority: Authority, notify: events.Subscriber) -> None:
         """Nobody can tell; what is sent later is held against the server then."""
 
-    def get_crl(self, notify: Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
+    def get_crl(self, notify: events.Subscriber) -> bytes:  # noqa: ARG002 - as Server has it
         """Nobody is asked. Raises UsageError."""
         raise UsageError("the server's list cannot be had without asking it")
 
-    def deploy(self, authority: Authority, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - as Server has it
+    def deploy(self, authority: Authority, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as Server has it
         """Say what is left to do."""
         line = "the server was not asked (`--no-push`): `provision vpn sync` brings it there"
         return DeployResult((line,), is_deployed=False)
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber) -> DeployResult:  # noqa: ARG002 - as above
+    def cut(self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber) -> DeployResult:  # noqa: ARG002 - as above
         """Tell that whoever is connected stays so: nobody may take this for done."""
         waits = OutcomeUnknown(
             f"{', '.join(revocation.members)}: on the list, and the server does not have it (`--no-push`): "
@@ -98,7 +89,7 @@ class NoPush:
         return DeployResult(errors=(waits,), is_deployed=False)
 
 
-Opener = Callable[[], "ServerLink"]
+Opener = Callable[[], "remote_session.ServerLink"]
 _SYNC_HINT = "all of it is recorded, and the server is brought to it by `provision vpn sync`"
 
 
@@ -113,7 +104,7 @@ def over_ssh(declaration: Declaration, request: Request, otherwise: str = "") ->
             hint=f"replace them and set `example_values: false` in group_vars/all/pilot.yml{otherwise}",
         )
     host = declaration.hosts[declaration.pilot.vpn.server]
-    return lambda: SshLink(host.name, computer_access(declaration, host, request))
+    return lambda: remote_session.SshLink(host.name, computer_access(declaration, host, request))
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +116,10 @@ class RemoteServer:
     who: str
     second_look_s: float = 1.0
     """How long after a revocation one looks again: a handshake under way may have read the list of before (facts 5)."""
-    _away: list[ServerAway] = field(default_factory=list, init=False)
+    _away: list[remote_session.ServerAway] = field(default_factory=list, init=False)
     """Why the server was not reached when the record was held against it: nobody waits for it a second time."""
 
-    def hold(self, authority: Authority, notify: Subscriber = ignore) -> None:
+    def hold(self, authority: Authority, notify: events.Subscriber = events.ignore) -> None:
         """Raise RecordOlder where the server's list has what the record does not know.
 
         A server that is away or cannot tell keeps nobody from recording a revocation: it holds every list that is
@@ -137,31 +128,33 @@ class RemoteServer:
         try:
             with self.link(notify) as link:
                 state = live.observe(link)
-        except ServerAway as away:
+        except remote_session.ServerAway as away:
             self._away.append(away)
         except NetcfgError:
             return
         else:
             live.check_record(authority, state)
 
-    def get_crl(self, notify: Subscriber = ignore) -> bytes:
+    def get_crl(self, notify: events.Subscriber = events.ignore) -> bytes:
         """The list that the server has. Raises ServerAway, AnswerLost, ServerRefused where it has none of its CA."""
         with self.link(notify) as link:
             crl = live.observe(link).crl
         if crl is None or not crl.is_signed:
-            raise ServerRefusal("the server has no list of its own authority", hint="there is nothing to take over")
+            raise remote_session.ServerRefusal(
+                "the server has no list of its own authority", hint="there is nothing to take over"
+            )
         return crl.pem.encode()
 
-    def deploy(self, authority: Authority, notify: Subscriber = ignore) -> DeployResult:
+    def deploy(self, authority: Authority, notify: events.Subscriber = events.ignore) -> DeployResult:
         """Bring it to what is recorded, and see who was there."""
         if self._away:
             return self._outstanding(self._away[0])
         try:
             with self.link(notify) as link:
                 queue = live.finish_revocations(self.declaration, authority, link, self.who)
-                self._say(notify, "members, list and firewall", Stage.APPLYING)
+                self._say(notify, "members, list and firewall", events.Stage.APPLYING)
                 push_result = live.push(self.declaration, authority, link)
-                self._say(notify, "who is connected", Stage.VERIFYING)
+                self._say(notify, "who is connected", events.Stage.VERIFYING)
                 more = self._record_sessions(authority, link)
         except NetcfgError as error:
             return self._outstanding(error)
@@ -174,18 +167,20 @@ class RemoteServer:
             values,
         )
 
-    def cut(self, authority: Authority, revocation: RevocationResult, notify: Subscriber = ignore) -> DeployResult:
+    def cut(
+        self, authority: Authority, revocation: RevocationResult, notify: events.Subscriber = events.ignore
+    ) -> DeployResult:
         """End their sessions at once, and look; then all the rest that is recorded."""
         names = tuple(dict.fromkeys([*revocation.common_names, *authority.membership().queued_names]))
         if self._away:
             return self._outstanding(self._away[0], cut=revocation.members)
         try:
             with self.link(notify) as link:
-                self._say(notify, f"ending sessions of {', '.join(revocation.members)}", Stage.APPLYING)
+                self._say(notify, f"ending sessions of {', '.join(revocation.members)}", events.Stage.APPLYING)
                 evidence = live.revoke_live(self.declaration, authority, link, names)
                 cut = time.monotonic()
                 push_result = live.push(self.declaration, authority, link)
-                self._say(notify, "looking once more", Stage.VERIFYING)
+                self._say(notify, "looking once more", events.Stage.VERIFYING)
                 time.sleep(max(0.0, self.second_look_s - (time.monotonic() - cut)))
                 evidence = live.verify(link, evidence)
                 if evidence.is_confirmed:
@@ -200,24 +195,24 @@ class RemoteServer:
             is_deployed=evidence.is_confirmed,
         )
 
-    def _record_sessions(self, authority: Authority, link: ServerLink) -> Sequence[str]:
+    def _record_sessions(self, authority: Authority, link: remote_session.ServerLink) -> Sequence[str]:
         """Record who was seen; what that changes on the server."""
         _, push_result = live.note_seen(self.declaration, authority, link, live.observe(link), self.who)
         return push_result.changes if push_result is not None else ()
 
     @contextmanager
-    def link(self, notify: Subscriber) -> Iterator[ServerLink]:
+    def link(self, notify: events.Subscriber) -> Iterator[remote_session.ServerLink]:
         """The open link, for as long as the block."""
-        self._say(notify, "", Stage.CONNECTING)
+        self._say(notify, "", events.Stage.CONNECTING)
         server_link = self.opener()
         try:
             yield server_link
         finally:
             server_link.close()
-        self._say(notify, "", Stage.DONE)
+        self._say(notify, "", events.Stage.DONE)
 
-    def _say(self, notify: Subscriber, message: str, stage: Stage) -> None:
-        notify(Event(self.declaration.pilot.vpn.server, stage, message))
+    def _say(self, notify: events.Subscriber, message: str, stage: events.Stage) -> None:
+        notify(events.Event(self.declaration.pilot.vpn.server, stage, message))
 
     @staticmethod
     def _evidence_lines(evidence: RevocationEvidence | None) -> list[str]:
@@ -269,7 +264,7 @@ class Outstanding(NetcfgError):
 class StatusItem:
     """One line of the status."""
 
-    verdict: Verdict
+    verdict: events.Verdict
     message: str
     hint: str | None = None
 
@@ -283,16 +278,16 @@ class VpnStatus:
     """The status of the VPN."""
 
     items: tuple[StatusItem, ...]
-    state: ServerState | None
+    state: server_state.ServerState | None
     """None: the server was not reached, or was not to be asked."""
 
     @property
     def exit(self) -> ExitCode:
         """6 where something is seen to be wrong, 5 where the server is silent."""
-        verdict = worst(item.verdict for item in self.items)
-        if verdict is Verdict.FAIL:
+        verdict = events.worst(item.verdict for item in self.items)
+        if verdict is events.Verdict.FAIL:
             return ExitCode.CHECKS_FAILED
-        return ExitCode.UNKNOWN if verdict is Verdict.INCONCLUSIVE else ExitCode.DONE
+        return ExitCode.UNKNOWN if verdict is events.Verdict.INCONCLUSIVE else ExitCode.DONE
 
     def server_json(self) -> dict[str, Any] | None:
         """The server for programs."""
@@ -309,7 +304,10 @@ class VpnStatus:
 
 
 def vpn_status(
-    declaration: Declaration, authority: Authority, server: RemoteServer | None, notify: Subscriber = ignore
+    declaration: Declaration,
+    authority: Authority,
+    server: RemoteServer | None,
+    notify: events.Subscriber = events.ignore,
 ) -> VpnStatus:
     """Look at the record, and at the server unless there is None. Raises LedgerDamaged.
 
@@ -319,14 +317,14 @@ def vpn_status(
     result = list(_record(declaration, authority))
     state = None
     if server is None:
-        result.append(StatusItem(Verdict.SKIP, "the server was not asked (`--no-push`)"))
+        result.append(StatusItem(events.Verdict.SKIP, "the server was not asked (`--no-push`)"))
     else:
         try:
             with server.link(notify) as link:
-                state = observe(link)
+                state = server_state.observe(link)
                 result += _server(authority, server, link, state)
         except NetcfgError as error:
-            verdict = Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else Verdict.FAIL
+            verdict = events.Verdict.INCONCLUSIVE if error.exit is ExitCode.UNKNOWN else events.Verdict.FAIL
             result.append(
                 StatusItem(verdict, f"the server: {error}", error.hint and complete(error.hint, site=server.site))
             )
@@ -337,13 +335,13 @@ def _record(declaration: Declaration, authority: Authority) -> Iterator[StatusIt
     """What the authority finds wrong with itself, each with what helps."""
     problems = authority.check()
     for problem in problems:
-        yield StatusItem(Verdict.FAIL, problem)
+        yield StatusItem(events.Verdict.FAIL, problem)
     if not problems:
         membership = authority.membership()
         yield from unsuitable_keys(declaration, membership)
         good = sum(1 for member in membership.members.values() if member.good)
         yield StatusItem(
-            Verdict.PASS,
+            events.Verdict.PASS,
             f"the record agrees with its signature, certificates and list: {good} of {len(membership.members)} members "
             f"are admitted, list {membership.crl_number} is good until {membership.crl_next_update:%Y-%m-%d}",
         )
@@ -355,7 +353,7 @@ def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Ite
     shared_key_members = [member.name for member in members if member.good[-1].wrap is Wrap.TLS_CRYPT]
     if vpn.shared_key_until is not None and shared_key_members:
         yield StatusItem(
-            Verdict.WARN,
+            events.Verdict.WARN,
             f"{', '.join(shared_key_members)}: no new session after {vpn.shared_key_until}, "
             "the last day of the shared key",
             f"with OpenVPN 2.5 or later on it: `provision vpn renew name={shared_key_members[0]} wrap=tls-crypt-v2`",
@@ -367,54 +365,56 @@ def unsuitable_keys(declaration: Declaration, membership: MembershipList) -> Ite
     ]
     if vpn.force_cookie and silent:
         yield StatusItem(
-            Verdict.WARN,
+            events.Verdict.WARN,
             f"{', '.join(silent)}: the server answers their key only where OpenVPN is 2.6 or later (`force_cookie`)",
             f"`provision vpn renew name={silent[0]}` makes one that any OpenVPN can use",
         )
 
 
-def _server(authority: Authority, server: RemoteServer, link: ServerLink, state: ServerState) -> Iterator[StatusItem]:
-    differs = drift(state, live.desired_files(server.declaration, authority), authority.membership())
+def _server(
+    authority: Authority, server: RemoteServer, link: remote_session.ServerLink, state: server_state.ServerState
+) -> Iterator[StatusItem]:
+    differs = server_state.drift(state, live.desired_files(server.declaration, authority), authority.membership())
     try:
         live.check_record(authority, state)
-    except RecordOlder as older:
-        yield StatusItem(Verdict.FAIL, str(older), older.hint)
-        yield from (StatusItem(Verdict.FAIL, differ) for differ in differs)
+    except remote_session.RecordOlder as older:
+        yield StatusItem(events.Verdict.FAIL, str(older), older.hint)
+        yield from (StatusItem(events.Verdict.FAIL, differ) for differ in differs)
         return
     for item in differs:
-        yield StatusItem(Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
+        yield StatusItem(events.Verdict.FAIL, item, "`provision vpn sync` brings the server to what is recorded")
     if not differs:
         up = sum(session.is_up for session in state.sessions)
         yield StatusItem(
-            Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}"
+            events.Verdict.PASS, f"the server is as recorded; {up} sessions, OpenVPN {state.version or 'unknown'}"
         )
     if not state.ready:
         return
     sighting, _ = live.note_seen(server.declaration, authority, link, state, server.who)
     for name in sighting.strangers:
         yield StatusItem(
-            Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
+            events.Verdict.FAIL, f"{name} has a session, and is not in the record", "is this the newest copy of it?"
         )
     up_now = {session.common_name for session in state.sessions if session.is_up}
     for name in sighting.withdrawn:
         if name in up_now:
             yield StatusItem(
-                Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session"
+                events.Verdict.FAIL, f"{name} is connected, and was put out", "`provision vpn sync` ends its session"
             )
         else:
-            yield StatusItem(Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
+            yield StatusItem(events.Verdict.WARN, f"{name} was seen after it was put out; it has no session now")
     for name in sighting.superseded_names:
-        yield StatusItem(Verdict.PASS, f"{name} is retired: its successor was seen")
+        yield StatusItem(events.Verdict.PASS, f"{name} is retired: its successor was seen")
     evidence = live.finish_revocations(server.declaration, authority, link, server.who)
     if evidence is not None and evidence.is_confirmed:
-        yield StatusItem(Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
+        yield StatusItem(events.Verdict.PASS, f"dead, by the server's own word: {', '.join(evidence.common_names)}")
 
 
 def _queue_items(authority: Authority) -> Iterator[StatusItem]:
     queue = authority.membership().queued_names
     if queue:
         yield StatusItem(
-            Verdict.FAIL,
+            events.Verdict.FAIL,
             f"revoked, and not confirmed dead by the server: {', '.join(queue)}",
             "`provision vpn sync` when the server can be reached",
         )

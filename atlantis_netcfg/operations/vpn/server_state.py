@@ -11,8 +11,8 @@ from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
 from atlantis_netcfg.operations.computers.remote_session import AnswerLost, ServerLink
+from atlantis_netcfg.vpn import server
 from atlantis_netcfg.vpn.policy import MEMBERS_SET, TABLE
-from atlantis_netcfg.vpn.server import CCD, FIREWALL, FOLDER, MANAGEMENT, SEEN_FILE, SERVICE, STATUS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
 
 
 PLACE: Mapping[str, str] = {
-    "ca": f"{FOLDER}/ca.crt",
-    "ccd": CCD,
-    "crl": f"{FOLDER}/crl.pem",
-    "firewall": FIREWALL,
+    "ca": f"{server.FOLDER}/ca.crt",
+    "ccd": server.CCD,
+    "crl": f"{server.FOLDER}/crl.pem",
+    "firewall": server.FIREWALL,
     "table": f"inet {TABLE}",
     "members": MEMBERS_SET,
-    "socket": MANAGEMENT,
-    "status": STATUS,
-    "seen": SEEN_FILE,
-    "unit": SERVICE,
+    "socket": server.MANAGEMENT,
+    "status": server.STATUS,
+    "seen": server.SEEN_FILE,
+    "unit": server.SERVICE,
     "firewall_unit": "atlantis-vpn-firewall.service",
 }
 """For every request: where things are on the server."""
@@ -214,7 +214,7 @@ def _moment(seconds: float) -> datetime:
 ALARM = timedelta(days=30)
 """So long before its end a list has to be signed anew: after that nobody can connect."""
 _CLOCK_S = 60.0
-_CRL = f"{FOLDER}/crl.pem"
+_CRL = f"{server.FOLDER}/crl.pem"
 
 
 def drift(state: ServerState, files: Sequence[File], membership: MembershipList) -> tuple[str, ...]:
@@ -225,7 +225,7 @@ def drift(state: ServerState, files: Sequence[File], membership: MembershipList)
 
 
 def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[str]:
-    files = {file.path: file for file in desired_files if file.path.startswith(f"{CCD}/")}
+    files = {file.path: file for file in desired_files if file.path.startswith(f"{server.CCD}/")}
     for path, file in files.items():
         name, digest = path.rpartition("/")[2], state.files.get(path)
         if digest is None:
@@ -233,7 +233,7 @@ def _admissions(state: ServerState, desired_files: Sequence[File]) -> Iterator[s
         elif digest != _sha256(file):
             yield f"{name}: its file on the server was changed by hand ({path})"
     for path in state.files:
-        if path.startswith(f"{CCD}/") and path not in files:
+        if path.startswith(f"{server.CCD}/") and path not in files:
             yield f"{path.rpartition('/')[2]} is not to be admitted, and the server has a file that admits it ({path})"
 
 
@@ -273,8 +273,8 @@ def _end(crl: Crl, state: ServerState) -> Iterator[str]:
 
 
 def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
-    if any(file.path == FIREWALL and state.files.get(FIREWALL) != _sha256(file) for file in files):
-        yield f"the firewall's file is not as recorded ({FIREWALL})"
+    if any(file.path == server.FIREWALL and state.files.get(server.FIREWALL) != _sha256(file) for file in files):
+        yield f"the firewall's file is not as recorded ({server.FIREWALL})"
     if state.firewall_why:
         yield f"the firewall cannot be asked: {state.firewall_why}"
     elif state.members is None:
@@ -287,7 +287,10 @@ def _firewall(state: ServerState, files: Sequence[File]) -> Iterator[str]:
 
 def _running(state: ServerState) -> Iterator[str]:
     if state.active is False:
-        yield f"the server does not run: {SERVICE} is {state.unit['ActiveState']} ({state.unit.get('SubState', '')})"
+        yield (
+            f"the server does not run: {server.SERVICE} is {state.unit['ActiveState']}"
+            f" ({state.unit.get('SubState', '')})"
+        )
     elif not state.is_live:
         yield f"the server cannot be asked who is connected: {state.why}"
     if abs(state.clock_ahead_s) > _CLOCK_S:

@@ -11,23 +11,22 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.records.asbuilt.record import AsBuiltRecord
-from atlantis_netcfg.runs import DamagedStateError, make_private, new_run, os_errors_as, run_order, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from datetime import datetime
     from pathlib import Path
 
-    from atlantis_netcfg.runs import Store
 
 FILE = "as-built.json"
 _DERIVED_KEYS = ("exit", "errors", "tables")
 """What `AsBuiltRecord.as_json` adds: it follows from the rest."""
 
 
-def folder_of(store: Store, site: str) -> Path:
+def folder_of(store: runs.Store, site: str) -> Path:
     """Where the records of a site are kept."""
     return store.root / site / "asbuilt"
 
@@ -37,11 +36,11 @@ def latest(folder: Path) -> AsBuiltRecord | None:
     names = [path.name for path in folder.iterdir() if (path / FILE).is_file()] if folder.is_dir() else []
     if not names:
         return None
-    path = folder / max(names, key=run_order) / FILE
+    path = folder / max(names, key=runs.run_order) / FILE
     try:
         return parse_record(path.read_bytes())
     except (OSError, ValueError) as error:
-        raise DamagedStateError(
+        raise runs.DamagedStateError(
             f"the last record cannot be read: {path}",
             hint="put its folder aside: the next record is then the first one, and has no differences",
         ) from error
@@ -62,14 +61,14 @@ def parse_record(data: bytes) -> AsBuiltRecord:
 
 def new_folder(folder: Path, now: datetime) -> Path:
     """The folder of a new record, empty; its name is the record's id. Raises JournalFailed."""
-    with os_errors_as("the record", folder):
-        return new_run(make_private(folder), now)
+    with runs.os_errors_as("the record", folder):
+        return runs.new_run(runs.make_private(folder), now)
 
 
 def keep(folder: Path, files: Mapping[str, bytes]) -> None:
     """Put the files of a record on disk, `as-built.json` last. Raises JournalFailed."""
     if FILE not in files:
         raise NetcfgError(f"a record without {FILE} was to be kept: this must never happen")
-    with os_errors_as("the record", folder):
+    with runs.os_errors_as("the record", folder):
         for name in sorted(files, key=lambda name: name == FILE):
-            write_atomically(folder / name, files[name])
+            runs.write_atomically(folder / name, files[name])

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.checklist.history import VehicleState, books
 from atlantis_netcfg.checklist.runner._real import ask_gateway
+from atlantis_netcfg.core import events
 from atlantis_netcfg.core.errors import NetcfgError, complete
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
 from atlantis_netcfg.inventory.model import (
     Cpe,
     LteDriver,
@@ -29,7 +29,7 @@ from atlantis_netcfg.inventory.model import (
 from atlantis_netcfg.operations.common.kinds import get_managed_device, is_supported
 from atlantis_netcfg.operations.common.session_link import PATIENCE_S
 from atlantis_netcfg.operations.computers._access import is_computer
-from atlantis_netcfg.operations.links.collect import LinkQueries, bills, session_to
+from atlantis_netcfg.operations.links import collect
 from atlantis_netcfg.operations.lte.units import LteUnit
 from atlantis_netcfg.records.asbuilt import computer, routeros
 from atlantis_netcfg.records.asbuilt.record import (
@@ -63,7 +63,7 @@ class SiteLook:
     declaration: Declaration
     site: str
     request: Request
-    notify: Subscriber
+    notify: events.Subscriber
     not_emulated: Mapping[str, str] = field(default_factory=dict)
     """Rehearsal: host that nothing stands for, to the reason."""
     patience_s: float = PATIENCE_S
@@ -106,8 +106,8 @@ class SiteLook:
         """The bills of the sessions with RouterOS devices over links that are paid by the byte."""
         hosts = self.declaration.site_hosts(self.site)
         first = next((host for host in hosts if isinstance(host.device, Router)), hosts[0])
-        queries = LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
-        return {name: bill.words for name, bill in bills(queries, None, seconds).items()}
+        queries = collect.LinkQueries(self.declaration, first, self.request, self.notify, doors=self.sessions)
+        return {name: bill.words for name, bill in collect.bills(queries, None, seconds).items()}
 
     async def _device(self, host: Host, *, is_selected: bool) -> DeviceRecord:
         device = DeviceRecord(
@@ -123,16 +123,20 @@ class SiteLook:
         state, why = self._why_not(host)
         if state is not None:
             return device.model_copy(update={"state": state, "why": why})
-        self.notify(Event(host.name, Stage.CONNECTING, "to be read, not changed"))
+        self.notify(events.Event(host.name, events.Stage.CONNECTING, "to be read, not changed"))
         try:
             result = await self._read(host, device)
         except NetcfgError as error:
-            self.notify(Event(host.name, Stage.FAILED, str(error)))
+            self.notify(events.Event(host.name, events.Stage.FAILED, str(error)))
             hint = error.hint and complete(error.hint, site=host.site, device=host.name)
             return device.model_copy(update={"state": ReadState.NOT_REACHED, "why": str(error), "hint": hint})
         has_answered = result.read_at is not None
         self.notify(
-            Event(host.name, Stage.DONE if has_answered else Stage.FAILED, "read" if has_answered else result.why)
+            events.Event(
+                host.name,
+                events.Stage.DONE if has_answered else events.Stage.FAILED,
+                "read" if has_answered else result.why,
+            )
         )
         return result
 
@@ -161,7 +165,7 @@ class SiteLook:
         """One session of two round trips behind the handshake: the login, and everything else at once."""
         hardware = get_managed_device(self.declaration, host).hardware
         modem = hardware.modem.name if hardware.modem is not None else None
-        door = session_to(self.declaration, self.site, host, self.request, self.patience_s)
+        door = collect.session_to(self.declaration, self.site, host, self.request, self.patience_s)
         self.sessions[host.name] = door
         async with door.open_session() as session:
             certificate = session.certificate

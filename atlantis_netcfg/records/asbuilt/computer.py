@@ -11,18 +11,17 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes import CommandResult, Place, RunProgram
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.inventory.model import Gateway
+from atlantis_netcfg.operations.computers import parts
 from atlantis_netcfg.operations.computers._access import is_server
-from atlantis_netcfg.operations.computers.parts import ACCESS, PARTS, SERVER, concerns
-from atlantis_netcfg.records.asbuilt.record import Fact, Link, Origin, PortNeighbour, PortRecord
+from atlantis_netcfg.records.asbuilt import record
 from atlantis_netcfg.vpn.server import PACKAGES as SERVER_PACKAGES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes import Answer
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.operations.common.request import Request
 
@@ -52,8 +51,8 @@ _PLACEHOLDERS = re.compile(r"|0+|none|default string|to be filled by o\.e\.m\.|n
 class ComputerFacts:
     """What one computer said."""
 
-    facts: Mapping[str, Fact]
-    ports: tuple[PortRecord, ...]
+    facts: Mapping[str, record.Fact]
+    ports: tuple[record.PortRecord, ...]
     packages: Mapping[str, str]
     missing: tuple[str, ...] = ()
     """What was not answered, though every computer can answer it."""
@@ -67,8 +66,8 @@ def declared_packages(
         return tuple(sorted(SERVER_PACKAGES)), ()
     package_names: set[str] = set()
     notes = []
-    for name, part in PARTS.items():
-        if name in {ACCESS, SERVER} or not concerns(name, host):
+    for name, part in parts.PARTS.items():
+        if name in {parts.ACCESS, parts.SERVER} or not parts.concerns(name, host):
             continue
         try:
             desired_packages = part(declaration, host, request).get("packages") or {}
@@ -79,18 +78,18 @@ def declared_packages(
     return tuple(sorted(package_names)), tuple(notes)
 
 
-def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, RunProgram]]:
+def questions(host: Host, packages: Sequence[str]) -> list[tuple[str, probes.RunProgram]]:
     """Everything that is asked, in one turn; the speed of a port only where the declaration names its interface."""
     programs = dict(_PROGRAMS)
     if isinstance(host.device, Gateway) and host.device.network is not None:
         programs["speed"] = ("cat", f"/sys/class/net/{host.device.network.interface}/speed")
     if packages:
         programs["packages"] = ("dpkg-query", "-W", PACKAGE_LINES, *packages)
-    return [(name, RunProgram(name, Place.GATEWAY, argv)) for name, argv in programs.items()]
+    return [(name, probes.RunProgram(name, probes.Place.GATEWAY, argv)) for name, argv in programs.items()]
 
 
 def read(
-    host: Host, answers: Mapping[str, Answer], packages: Sequence[str], host_by_address: Mapping[str, str]
+    host: Host, answers: Mapping[str, probes.Answer], packages: Sequence[str], host_by_address: Mapping[str, str]
 ) -> ComputerFacts:
     """Read the answers to `questions`; `host_by_address`: MAC or address to the host that has it."""
     outputs = {name: _output(answer) for name, answer in answers.items()}
@@ -105,20 +104,20 @@ def read(
     )
 
 
-def _output(answer: Answer) -> str | None:
+def _output(answer: probes.Answer) -> str | None:
     """What a program printed; None where it could not. dpkg-query ends with 1 where one package of many is missing."""
-    if not isinstance(answer, CommandResult) or answer.trouble is not None:
+    if not isinstance(answer, probes.CommandResult) or answer.trouble is not None:
         return None
     text = answer.out.replace("\0", "").strip()
     return text if answer.rc == 0 or text else None
 
 
-def _why(answer: Answer) -> str:
+def _why(answer: probes.Answer) -> str:
     last = next((line for line in reversed(getattr(answer, "err", "").splitlines()) if line), "")
     return answer.words or last or "it printed nothing"
 
 
-def _facts(outputs: Mapping[str, str | None]) -> dict[str, Fact]:
+def _facts(outputs: Mapping[str, str | None]) -> dict[str, record.Fact]:
     key = re.search(r"SHA256:[A-Za-z0-9+/]{43}", outputs["host_key"] or "")
     model = _worthy(outputs["board"]) or _worthy(outputs["product"])
     serial = _worthy(outputs["board_serial"]) or _worthy(outputs["product_serial"])
@@ -131,8 +130,12 @@ def _facts(outputs: Mapping[str, str | None]) -> dict[str, Fact]:
     }
 
 
-def _fact(value: str | None, why_not: str) -> Fact:
-    return Fact(value=value, origin=Origin.READ) if value else Fact(value=None, origin=Origin.NOT_READ, note=why_not)
+def _fact(value: str | None, why_not: str) -> record.Fact:
+    return (
+        record.Fact(value=value, origin=record.Origin.READ)
+        if value
+        else record.Fact(value=None, origin=record.Origin.NOT_READ, note=why_not)
+    )
 
 
 def _worthy(text: str | None) -> str | None:
@@ -155,15 +158,15 @@ def _versions(text: str | None, packages: Sequence[str]) -> dict[str, str]:
 
 def _ports(
     outputs: Mapping[str, str | None], interface: str | None, host_by_address: Mapping[str, str]
-) -> Iterator[PortRecord]:
+) -> Iterator[record.PortRecord]:
     """The network cards: what the kernel makes by itself, as `lo` and tunnels, has another type of link."""
     for row in _rows(outputs["links"]):
         name, mac = str(row.get("ifname", "")), str(row.get("address", "")).upper()
         if row.get("link_type") != "ether" or not name or _is_virtual(name):
             continue
-        state = {"UP": Link.UP, "DOWN": Link.DOWN}.get(str(row.get("operstate")), Link.UNKNOWN)
+        state = {"UP": record.Link.UP, "DOWN": record.Link.DOWN}.get(str(row.get("operstate")), record.Link.UNKNOWN)
         speed = outputs.get("speed") if name == interface else None
-        yield PortRecord(
+        yield record.PortRecord(
             name=name,
             mac=mac or None,
             link=state,
@@ -177,7 +180,7 @@ def _is_virtual(name: str) -> bool:
     return name.startswith(("docker", "br-", "veth", "virbr", "tap", "dummy", "bond"))
 
 
-def _neighbours(text: str | None, port: str, host_by_address: Mapping[str, str]) -> Iterator[PortNeighbour]:
+def _neighbours(text: str | None, port: str, host_by_address: Mapping[str, str]) -> Iterator[record.PortNeighbour]:
     """Each MAC once, by the first of its addresses."""
     seen_macs: set[str] = set()
     for row in _rows(text):
@@ -187,7 +190,7 @@ def _neighbours(text: str | None, port: str, host_by_address: Mapping[str, str])
             continue
         seen_macs.add(mac)
         host = host_by_address.get(mac) or host_by_address.get(address)
-        yield PortNeighbour(mac=mac, by=("ARP",), address=address, declared=host)
+        yield record.PortNeighbour(mac=mac, by=("ARP",), address=address, declared=host)
 
 
 def _rows(text: str | None) -> list[dict[str, object]]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, plain, wrap_row
 from atlantis_netcfg.core.times import time_text
 from atlantis_netcfg.records.asbuilt.record import (
     FACTS,
@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 _COLUMN = 26
 """At which the values of a screen begin."""
 _STYLES = {
-    ReadState.READ: Style.GOOD,
-    ReadState.IN_PART: Style.WARNING,
-    ReadState.NOT_REACHED: Style.BAD,
+    ReadState.READ: printable.Style.GOOD,
+    ReadState.IN_PART: printable.Style.WARNING,
+    ReadState.NOT_REACHED: printable.Style.BAD,
 }
 _STATES = {
     ReadState.READ: "READ",
@@ -137,17 +137,19 @@ def compared_words(record: AsBuiltRecord) -> str:
     return f"Different from record {record.since}:"
 
 
-def rows(record: AsBuiltRecord, location: str) -> Iterator[Row]:
+def rows(record: AsBuiltRecord, location: str) -> Iterator[printable.Row]:
     """Every line of a screen; `location`: where the record is."""
     for row in _rows(record):
-        text = plain(row)
-        yield from wrap_row(row, NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2)
+        text = printable.plain(row)
+        yield from printable.wrap_row(
+            row, printable.NARROW, _COLUMN if text.startswith("  ") and len(text) > _COLUMN else 2
+        )
     yield translate(f"kept: {location}")
     yield translate(closing(record))
 
 
-def _rows(record: AsBuiltRecord) -> Iterator[Row]:
-    yield StyledText(translate(heading(record)), Style.TITLE)
+def _rows(record: AsBuiltRecord) -> Iterator[printable.Row]:
+    yield printable.StyledText(translate(heading(record)), printable.Style.TITLE)
     yield translate(subtitle(record))
     yield translate(what(record))
     for device in record.devices:
@@ -157,17 +159,23 @@ def _rows(record: AsBuiltRecord) -> Iterator[Row]:
     if record.checklist is not None:
         yield translate(checklist_words(record.checklist, record.time_zone))
     yield translate(compared_words(record))
-    yield from ((StyledText("  ~ ", Style.WARNING), translate(change.words)) for change in record.changes)
+    yield from (
+        (printable.StyledText("  ~ ", printable.Style.WARNING), translate(change.words)) for change in record.changes
+    )
     yield from (translate(f"note: {note}") for note in record.notes)
     yield from (translate(f"this look has cost, over {name}: {words}") for name, words in record.costs.items())
     yield from (translate(f"not rehearsed: {entry}") for entry in record.not_rehearsed)
     yield ""
 
 
-def _device(device: DeviceRecord, zone: str) -> Iterator[Row]:
+def _device(device: DeviceRecord, zone: str) -> Iterator[printable.Row]:
     word = state_word(device)
     kind = translate(device.kind.replace("_", " "))
-    yield StyledText(device.name, Style.TITLE), f": {kind}, ", StyledText(word, _STYLES.get(device.state, Style.QUIET))
+    yield (
+        printable.StyledText(device.name, printable.Style.TITLE),
+        f": {kind}, ",
+        printable.StyledText(word, _STYLES.get(device.state, printable.Style.QUIET)),
+    )
     for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
         if words:
             yield f"  {translate(words)}"

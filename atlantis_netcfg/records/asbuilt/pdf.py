@@ -15,25 +15,11 @@ from typing import TYPE_CHECKING
 
 import segno
 
-from atlantis_netcfg.checklist.report._pdf._sheet import FAMILY, SMALL, Paper, printable
+from atlantis_netcfg.checklist.report._pdf import _sheet
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.language import translate
+from atlantis_netcfg.records.asbuilt import pages
 from atlantis_netcfg.records.asbuilt.archive import FILE
-from atlantis_netcfg.records.asbuilt.pages import (
-    anchor,
-    checklist_words,
-    closing,
-    compared_words,
-    facts_of,
-    heading,
-    link_words,
-    neighbour_words,
-    read_words,
-    state_word,
-    subtitle,
-    table_words,
-    where,
-)
 from atlantis_netcfg.records.asbuilt.record import report_tables, title_of
 from atlantis_netcfg.runs.report.page import unread
 
@@ -55,18 +41,18 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
     """The record, the same bytes for the same record. `digest`: SHA-256 of its `as-built.json`."""
     paper = _paper(record, digest)
     paper.add_page()
-    paper.tell(translate(heading(record)), size=17, bold=True)
+    paper.tell(translate(pages.heading(record)), size=17, bold=True)
     if unread():
         paper.tell(unread(), faint=True)
-    paper.tell(translate(subtitle(record)), faint=True)
+    paper.tell(translate(pages.subtitle(record)), faint=True)
     if record.rehearsed:
         paper.tell(translate("REHEARSAL: nothing real was asked."), size=13, bold=True)
-    paper.tell(translate(closing(record)), size=11, bold=True)
+    paper.tell(translate(pages.closing(record)), size=11, bold=True)
     if record.checklist is not None:
-        paper.tell(translate(checklist_words(record.checklist, record.time_zone)))
-    paper.tell(f"{FILE}: SHA-256 {digest}", size=SMALL)
+        paper.tell(translate(pages.checklist_words(record.checklist, record.time_zone)))
+    paper.tell(f"{FILE}: SHA-256 {digest}", size=_sheet.SMALL)
     paper.head(translate("What is different"))
-    paper.tell(translate(compared_words(record)))
+    paper.tell(translate(pages.compared_words(record)))
     for change in record.changes:
         paper.tell(f"• {translate(change.words)}", indent=_INDENT)
     for device in record.devices:
@@ -80,49 +66,57 @@ def pdf(record: AsBuiltRecord, digest: str) -> bytes:
     return paper.to_bytes()
 
 
-def _paper(record: AsBuiltRecord, digest: str) -> Paper:
-    paper = Paper(translate(heading(record)), record.tool, record.at)
+def _paper(record: AsBuiltRecord, digest: str) -> _sheet.Paper:
+    paper = _sheet.Paper(translate(pages.heading(record)), record.tool, record.at)
     words = [translate(f"{record.site}, record {record.id}"), f"SHA-256 {digest[:DIGITS]}…"]
     paper.head_line = "; ".join(
         [*words, *([translate("REHEARSED, nothing real was asked")] if record.rehearsed else [])]
     )
-    paper.foot_line = translate(closing(record))
+    paper.foot_line = translate(pages.closing(record))
     return paper
 
 
-def _device(paper: Paper, device: DeviceRecord, zone: str) -> None:
-    paper.head(f"{device.name}: {state_word(device)}")
-    for words in (device.why, device.hint and f"→ {translate(device.hint)}", read_words(device, zone)):
+def _device(paper: _sheet.Paper, device: DeviceRecord, zone: str) -> None:
+    paper.head(f"{device.name}: {pages.state_word(device)}")
+    for words in (device.why, device.hint and f"→ {translate(device.hint)}", pages.read_words(device, zone)):
         if words:
             paper.tell(translate(words), indent=_INDENT)
-    for name, fact in facts_of(device):
-        paper.tell(f"{translate(title_of(name))}: {_value(fact, zone)}", size=SMALL, indent=_INDENT)
+    for name, fact in pages.facts_of(device):
+        paper.tell(f"{translate(title_of(name))}: {_value(fact, zone)}", size=_sheet.SMALL, indent=_INDENT)
     for port in device.ports:
         belongs = f"; {translate(f'by the declaration: {port.belongs}')}" if port.belongs else ""
         paper.tell(
-            f"{translate(f'port {port.name}')}: {translate(link_words(port))}{belongs}", size=SMALL, indent=_INDENT
+            f"{translate(f'port {port.name}')}: {translate(pages.link_words(port))}{belongs}",
+            size=_sheet.SMALL,
+            indent=_INDENT,
         )
         for item in port.neighbours:
-            paper.tell(translate(neighbour_words(item)), size=SMALL, indent=2 * _INDENT)
+            paper.tell(translate(pages.neighbour_words(item)), size=_sheet.SMALL, indent=2 * _INDENT)
     for item in device.elsewhere:
-        paper.tell(f"{translate('port not known')}: {translate(neighbour_words(item))}", size=SMALL, indent=_INDENT)
+        paper.tell(
+            f"{translate('port not known')}: {translate(pages.neighbour_words(item))}",
+            size=_sheet.SMALL,
+            indent=_INDENT,
+        )
     for note in device.notes:
-        paper.tell(translate(f"note: {note}"), size=SMALL, indent=_INDENT)
+        paper.tell(translate(f"note: {note}"), size=_sheet.SMALL, indent=_INDENT)
 
 
 def _value(fact: Fact, zone: str) -> str:
-    origin = translate(where(fact, zone))
+    origin = translate(pages.where(fact, zone))
     return f"{fact.value} ({origin})" if fact.value else origin
 
 
-def _table(paper: Paper, table: ReportTable) -> None:
-    paper.head(translate(table_words(table)), size=11)
+def _table(paper: _sheet.Paper, table: ReportTable) -> None:
+    paper.head(translate(pages.table_words(table)), size=11)
     if not table.rows:
         paper.tell(translate("nothing was read that belongs here"))
     for row in table.rows:
         pairs = zip(table.columns, row, strict=True)
         paper.tell(
-            "; ".join(f"{translate(column)}: {cell}" for column, cell in pairs if cell), size=SMALL, indent=_INDENT
+            "; ".join(f"{translate(column)}: {cell}" for column, cell in pairs if cell),
+            size=_sheet.SMALL,
+            indent=_INDENT,
         )
 
 
@@ -158,7 +152,7 @@ def _labels(record: AsBuiltRecord, device: DeviceRecord, digest: str, place: str
             f"serial {serial}",
             f"record {record.id}",
             f"sha256 {digest[:DIGITS]}",
-            f"{place}/as-built.html#{anchor(device.name)}",
+            f"{place}/as-built.html#{pages.anchor(device.name)}",
         )
         yield Label(device.name, port, belongs, serial, "\n".join(lines))
 
@@ -171,7 +165,7 @@ def labels_pdf(record: AsBuiltRecord, digest: str, place: str, sheet: AsBuilt) -
     labels = labels_of(record, digest, place)
     codes = [segno.make(label.text, error="m", micro=False) for label in labels]
     side = _side(width, height, max(len(code.matrix) for code in codes) + 2 * _QUIET)
-    paper = LabelSheet(translate(heading(record)), record.tool, record.at)
+    paper = LabelSheet(translate(pages.heading(record)), record.tool, record.at)
     paper.set_auto_page_break(False)
     for number, (label, code) in enumerate(zip(labels, codes, strict=True)):
         here = number % (columns * lines)
@@ -195,7 +189,7 @@ def _side(width: float, height: float, modules: int) -> float:
     )
 
 
-class LabelSheet(Paper):
+class LabelSheet(_sheet.Paper):
     """Pages without head and foot, filled to their edges."""
 
     def header(self) -> None:
@@ -213,15 +207,15 @@ _MODULE_MM = 0.4
 """A QR code's module on paper is not smaller. A rule of thumb: no telephone has tried it; zbar reads it at 300 dpi."""
 
 
-def _text(paper: Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:
+def _text(paper: _sheet.Paper, words: Iterator[tuple[str, float, bool]], at: tuple[float, float], right: float) -> None:
     """Lines from a point on, broken where the label ends."""
     paper.set_xy(*at)
     for text, size, bold in words:
-        paper.set_font(FAMILY, "B" if bold else "", size)
+        paper.set_font(_sheet.FAMILY, "B" if bold else "", size)
         paper.set_text_color(0)
         paper.set_x(at[0])
         line = paper.font_size * 1.25
-        paper.multi_cell(right - at[0], line, printable(text), align="L", new_x="LEFT", new_y="NEXT")
+        paper.multi_cell(right - at[0], line, _sheet.printable(text), align="L", new_x="LEFT", new_y="NEXT")
 
 
 def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bool]]:
@@ -234,7 +228,7 @@ def _words(label: Label, record: AsBuiltRecord) -> Iterator[tuple[str, float, bo
         yield translate("REHEARSED"), 7.5, True
 
 
-def _code(paper: Paper, matrix: tuple[bytearray, ...], x: float, y: float, side: float) -> None:
+def _code(paper: _sheet.Paper, matrix: tuple[bytearray, ...], x: float, y: float, side: float) -> None:
     """The dark modules, those of a row that touch as one rectangle; around them four modules stay white."""
     module = side / (len(matrix) + 2 * _QUIET)
     paper.set_fill_color(0)

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.times import time_text
+from atlantis_netcfg.links.qualify import figures
 from atlantis_netcfg.links.qualify.compare import clock_words, loss_shares
-from atlantis_netcfg.links.qualify.figures import GAPS_S
 from atlantis_netcfg.links.qualify.session import EndReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from decimal import Decimal
 
-    from atlantis_netcfg.links.qualify.figures import DelayVariation, TrainFigures
     from atlantis_netcfg.links.qualify.measured_run import MeasuredRun
     from atlantis_netcfg.links.qualify.record import MeasuredRate, QualifyRecord
 
@@ -185,23 +184,23 @@ def _figures(record: QualifyRecord) -> PageSection:
     )
 
 
-def _variation(take: Callable[[DelayVariation], float], way: str) -> Callable[[TrainFigures], str]:
-    def words(train: TrainFigures) -> str:
+def _variation(take: Callable[[figures.DelayVariation], float], way: str) -> Callable[[figures.TrainFigures], str]:
+    def words(train: figures.TrainFigures) -> str:
         variation = train.up if way == "up" else train.down
         return UNKNOWN if variation is None else seconds(take(variation))
 
     return words
 
 
-def _rtt(name: str) -> Callable[[TrainFigures], str]:
+def _rtt(name: str) -> Callable[[figures.TrainFigures], str]:
     return lambda train: UNKNOWN if train.rtt is None else seconds(getattr(train.rtt, name))
 
 
-def _longest(train: TrainFigures) -> str:
+def _longest(train: figures.TrainFigures) -> str:
     return f"{seconds(train.gaps.longest_s)}{' or more' if train.gaps.open_end and train.gaps.above[0][1] else ''}"
 
 
-_ROWS: Final[tuple[tuple[str, Callable[[TrainFigures], str]], ...]] = (
+_ROWS: Final[tuple[tuple[str, Callable[[figures.TrainFigures], str]], ...]] = (
     ("packets sent", lambda train: str(train.loss.sent)),
     ("packets answered", lambda train: str(train.loss.received)),
     ("round trip, least", _rtt("min")),
@@ -233,7 +232,7 @@ _ROWS: Final[tuple[tuple[str, Callable[[TrainFigures], str]], ...]] = (
     ("longest gap", _longest),
     *(
         (f"gaps of more than {limit} s", lambda train, limit=limit: str(dict(train.gaps.above).get(limit, 0)))
-        for limit in GAPS_S
+        for limit in figures.GAPS_S
     ),
 )
 

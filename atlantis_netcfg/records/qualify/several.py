@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText, wrap_row
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.links.qualify.compare import HEADLINES, FigureTrend
+from atlantis_netcfg.links.qualify import compare
 from atlantis_netcfg.records.qualify.pages import STYLES
 from atlantis_netcfg.records.qualify.sections import UNKNOWN, in_unit
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.links.qualify.compare import RunComparison
     from atlantis_netcfg.links.qualify.record import QualifyRecord
 
-_CHANGES: Final = {FigureTrend.BETTER: Style.GOOD, FigureTrend.WORSE: Style.BAD}
+_CHANGES: Final = {compare.FigureTrend.BETTER: printable.Style.GOOD, compare.FigureTrend.WORSE: printable.Style.BAD}
 _HISTORY: Final = ("rtt_p50", "rtt_p95", "loss", "longest_gap", "goodput_up", "goodput_down")
 _MARGIN = 6
 
@@ -27,36 +26,42 @@ def _title(record: QualifyRecord) -> str:
     return f"{record.run.id}: {record.run.link}, {time_text(record.run.begun, record.run.time_zone)}{suffix}"
 
 
-def comparison_rows(first: QualifyRecord, second: QualifyRecord, comparison: RunComparison) -> Iterator[Row]:
+def comparison_rows(
+    first: QualifyRecord, second: QualifyRecord, comparison: compare.RunComparison
+) -> Iterator[printable.Row]:
     """Every line of a screen on which two runs stand beside each other."""
     for name, record in (("A", first), ("B", second)):
-        verdict = StyledText(record.verdict.value, STYLES[record.verdict])
-        yield from wrap_row((f"{name}  ", verdict, f"  {translate(_title(record))}"), NARROW, _MARGIN)
+        verdict = printable.StyledText(record.verdict.value, STYLES[record.verdict])
+        yield from printable.wrap_row(
+            (f"{name}  ", verdict, f"  {translate(_title(record))}"), printable.NARROW, _MARGIN
+        )
     for remark in comparison.remarks:
-        yield from wrap_row((StyledText("!  ", Style.WARNING), translate(remark)), NARROW, 3)
+        yield from printable.wrap_row(
+            (printable.StyledText("!  ", printable.Style.WARNING), translate(remark)), printable.NARROW, 3
+        )
     yield ""
     yield f"{translate('figure'):<26}{'A':>13}{'B':>13}{'B - A':>9}"
     for item in comparison.figures:
         values = "".join(f"{translate(in_unit(value, item.unit)):>13}" for value in (item.first, item.second))
         difference = "" if item.difference is None else f"{100 * item.difference:+.0f} %"
-        word = StyledText(translate(item.change.value), _CHANGES.get(item.change, Style.QUIET))
+        word = printable.StyledText(translate(item.change.value), _CHANGES.get(item.change, printable.Style.QUIET))
         yield f"{translate(item.title):<26}{values}{difference:>9}  ", word
     yield ""
     for fact in comparison.facts:
         both = (UNKNOWN if value is None else value for value in (fact.first, fact.second))
         first_words, second_words = map(translate, both)
         words = first_words if first_words == second_words else f"A: {first_words}; B: {second_words}"
-        yield from wrap_row(f"{translate(fact.title)}: {words}", NARROW, _MARGIN)
+        yield from printable.wrap_row(f"{translate(fact.title)}: {words}", printable.NARROW, _MARGIN)
 
 
-def history_rows(records: Sequence[QualifyRecord]) -> Iterator[Row]:
+def history_rows(records: Sequence[QualifyRecord]) -> Iterator[printable.Row]:
     """Two lines a run, the oldest first: what it was, and its figures."""
-    headline_by_key = {item.key: item for item in HEADLINES if item.key in _HISTORY}
+    headline_by_key = {item.key: item for item in compare.HEADLINES if item.key in _HISTORY}
     for record in records:
-        verdict = StyledText(f"{record.verdict.value:<13}", STYLES[record.verdict])
-        yield from wrap_row((verdict, translate(_title(record))), NARROW, _MARGIN)
+        verdict = printable.StyledText(f"{record.verdict.value:<13}", STYLES[record.verdict])
+        yield from printable.wrap_row((verdict, translate(_title(record))), printable.NARROW, _MARGIN)
         words = (
             f"{translate(item.title)} {translate(in_unit(item.value(record), item.unit))}"
             for item in headline_by_key.values()
         )
-        yield from wrap_row(f"      {'; '.join(words)}", NARROW, _MARGIN)
+        yield from printable.wrap_row(f"      {'; '.join(words)}", printable.NARROW, _MARGIN)

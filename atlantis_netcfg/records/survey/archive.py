@@ -8,11 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.core.errors import ExitCode, NoMatchError, nearest
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.records.survey import points
 from atlantis_netcfg.records.survey.exports import CSV_FILE, GEOJSON_FILE, csv_table, geojson
 from atlantis_netcfg.records.survey.page import PAGE_FILE, html
-from atlantis_netcfg.records.survey.points import SURVEY_FILE, read_survey
-from atlantis_netcfg.runs import make_private, new_run, os_errors_as, write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,54 +20,54 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from atlantis_netcfg.records.survey.exports import Coast
-    from atlantis_netcfg.records.survey.points import Survey
-    from atlantis_netcfg.runs import Store
 
 EXPORTS: Final = (PAGE_FILE, GEOJSON_FILE, CSV_FILE)
 
 
-def folder_of(store: Store, site: str) -> Path:
+def folder_of(store: runs.Store, site: str) -> Path:
     """Where the surveys of a site are kept."""
     return store.root / site / "survey"
 
 
 def new_folder(folder: Path, now: datetime) -> Path:
     """The folder of a new survey, empty; its name is the survey's id. Raises JournalFailed."""
-    with os_errors_as("the survey", folder):
-        return new_run(make_private(folder), now)
+    with runs.os_errors_as("the survey", folder):
+        return runs.new_run(runs.make_private(folder), now)
 
 
 def kept_survey(folder: Path, name: str) -> Path:
     """The folder of a survey that was made before. Raises NothingMatched."""
-    names = [path.name for path in folder.iterdir() if (path / SURVEY_FILE).is_file()] if folder.is_dir() else []
+    names = [path.name for path in folder.iterdir() if (path / points.SURVEY_FILE).is_file()] if folder.is_dir() else []
     if name in names:
         return folder / name
-    near = nearest(name, names)
+    near = errors.nearest(name, names)
     there = f"there are: {', '.join(sorted(names)[-5:])}" if names else "there is none yet"
-    raise NoMatchError(f"no survey `{name}` is kept", hint=f"did you mean `from={near}`? {there}" if near else there)
+    raise errors.NoMatchError(
+        f"no survey `{name}` is kept", hint=f"did you mean `from={near}`? {there}" if near else there
+    )
 
 
-def exports(survey: Survey, coast: Coast | None = None) -> Mapping[str, bytes]:
+def exports(survey: points.Survey, coast: Coast | None = None) -> Mapping[str, bytes]:
     """The files that are made of a survey, by name."""
     return {PAGE_FILE: html(survey, coast), GEOJSON_FILE: geojson(survey), CSV_FILE: csv_table(survey)}
 
 
-def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> Survey:
+def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> points.Survey:
     """Make the exports of a kept survey beside it, and where `to` names a folder, there, with the survey itself.
 
     Raises SurveyUnreadable, JournalFailed.
     """
-    with os_errors_as("the survey", folder):
-        survey = read_survey(folder / SURVEY_FILE)
+    with runs.os_errors_as("the survey", folder):
+        survey = points.read_survey(folder / points.SURVEY_FILE)
         files = dict(exports(survey, coast))
         for name, data in files.items():
-            write_atomically(folder / name, data)
+            runs.write_atomically(folder / name, data)
     if to is not None:
-        with os_errors_as("the survey", to):
+        with runs.os_errors_as("the survey", to):
             to.mkdir(parents=True, exist_ok=True)
-            files[SURVEY_FILE] = (folder / SURVEY_FILE).read_bytes()
+            files[points.SURVEY_FILE] = (folder / points.SURVEY_FILE).read_bytes()
             for name, data in files.items():
-                write_atomically(to / name, data)
+                runs.write_atomically(to / name, data)
     return survey
 
 
@@ -75,14 +75,14 @@ def export(folder: Path, coast: Coast | None = None, to: Path | None = None) -> 
 class SurveyOutcome:
     """How a survey ends as a command."""
 
-    exit: ExitCode
+    exit: errors.ExitCode
     words: str
 
 
-def outcome(survey: Survey) -> SurveyOutcome:
+def outcome(survey: points.Survey) -> SurveyOutcome:
     """What of that which was meant to be measured was measured nowhere is said, and is not green."""
     if not survey.points:
-        return SurveyOutcome(ExitCode.NOTHING, "no point was taken")
+        return SurveyOutcome(errors.ExitCode.NOTHING, "no point was taken")
     tested_points = [point for point in survey.points if point.rtt_median_s is not None]
     levels = [point for point in survey.points if point.rsrp_dbm is not None]
     lacks = [] if survey.placed_points else [f"no point has a position ({survey.points[-1].no_position})"]
@@ -92,6 +92,6 @@ def outcome(survey: Survey) -> SurveyOutcome:
         reasons = list(dict.fromkeys(point.no_test for point in survey.points if point.no_test))
         lacks.append(f"no test over the link was answered ({', '.join(reasons)})")
     if lacks:
-        return SurveyOutcome(ExitCode.CHECKS_FAILED, "; ".join(lacks))
+        return SurveyOutcome(errors.ExitCode.CHECKS_FAILED, "; ".join(lacks))
     whole = sum(point.position is not None and point.rsrp_dbm is not None for point in survey.points)
-    return SurveyOutcome(ExitCode.DONE, f"{whole} of {len(survey.points)} points have a position and a level")
+    return SurveyOutcome(errors.ExitCode.DONE, f"{whole} of {len(survey.points)} points have a position and a level")

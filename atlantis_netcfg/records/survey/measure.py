@@ -12,13 +12,13 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.links.qualify import session
 from atlantis_netcfg.links.qualify.budget import Budget, BudgetGuard
 from atlantis_netcfg.links.qualify.figures import train_figures
 from atlantis_netcfg.links.qualify.grids import message_bytes, train_bytes
 from atlantis_netcfg.links.qualify.messages import MessagePlan, MessageStream
-from atlantis_netcfg.links.qualify.reflector.stamp import ACKNOWLEDGEMENT_SIZE, AUTHENTICATED_SIZE, HMAC_TLV_SIZE
+from atlantis_netcfg.links.qualify.reflector import stamp
 from atlantis_netcfg.links.qualify.samples import MessageResult, ReplySample
-from atlantis_netcfg.links.qualify.session import SECOND, EndReason, Train, TrainPlan, run
 from atlantis_netcfg.links.qualify.transfers import message_figures
 from atlantis_netcfg.records.survey.points import SurveyPoint
 from atlantis_netcfg.records.survey.positions import TrackPosition
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from atlantis_netcfg.links.qualify.samples import Sample
-    from atlantis_netcfg.links.qualify.session import PacketStream, ReflectorPeer
     from atlantis_netcfg.links.qualify.transport import DatagramTransport
     from atlantis_netcfg.records.survey.positions import PositionSource
 
@@ -36,7 +35,7 @@ HOUR_S: Final = 3600.0
 MAX_MB: Final = 2.0
 _TIMEOUT_S: Final = 2.0
 _QUESTIONS: Final = 3
-_TRAIN: Final = TrainPlan(AUTHENTICATED_SIZE, 0.2, 1.0, timeout_s=_TIMEOUT_S)
+_TRAIN: Final = session.TrainPlan(stamp.AUTHENTICATED_SIZE, 0.2, 1.0, timeout_s=_TIMEOUT_S)
 _MESSAGE: Final = MessagePlan(9600, 1.0, 1.0, timeout_s=_TIMEOUT_S, give_up_s=4 * _TIMEOUT_S)
 _LOOK_S: Final = 0.5
 """How often it is looked whether a step is due."""
@@ -61,13 +60,13 @@ class SurveyPlan:
     step_m: float | None = 50.0
     """And after so many metres; None: by time alone."""
     hourly_bytes: int = round(MAX_MB * 1_000_000)
-    train: TrainPlan = _TRAIN
+    train: session.TrainPlan = _TRAIN
     message: MessagePlan = _MESSAGE
     max_seconds: float | None = None
 
     def test_bytes(self, headers: int) -> int:
         """What a test costs at most: all packets with their answers, and each question for the message's end."""
-        answer = AUTHENTICATED_SIZE + HMAC_TLV_SIZE + ACKNOWLEDGEMENT_SIZE
+        answer = stamp.AUTHENTICATED_SIZE + stamp.HMAC_TLV_SIZE + stamp.ACKNOWLEDGEMENT_SIZE
         questions = _QUESTIONS * 2 * (answer + headers)
         return train_bytes(self.train, headers) + message_bytes(self.message, headers) + questions
 
@@ -146,14 +145,14 @@ class LinkTester:
 
     plan: SurveyPlan
     transport: DatagramTransport
-    peer: ReflectorPeer
+    peer: session.ReflectorPeer
     write: Callable[[Sample], None]
     """Takes the raw samples."""
 
     def test(self, number: int) -> TestSample:
         """Measure now; one that is stopped by Ctrl-C says so."""
         budget = Budget(max_bytes=self.plan.test_bytes(self.transport.headers))
-        guard = BudgetGuard(budget, lambda: self.transport.now_ns() / SECOND, self.transport.headers)
+        guard = BudgetGuard(budget, lambda: self.transport.now_ns() / session.SECOND, self.transport.headers)
         sample, was_stopped = self._train(guard, f"point-{number}")
         if sample.rtt_median_s is not None and not was_stopped:
             rate, was_stopped = self._message(guard, f"point-{number}-load")
@@ -164,7 +163,7 @@ class LinkTester:
     def _train(self, guard: BudgetGuard, name: str) -> tuple[TestSample, bool]:
         samples: list[Sample] = []
         # The reflector's counters would be one more question: a few packets do not tell the direction of a loss.
-        train = Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, samples.append)
+        train = session.Train(name, self.plan.train, replace(self.peer, counts=False), self.transport, samples.append)
         was_stopped = self._run(
             guard, train, samples, lambda: len(_answered_sequences(samples)) >= self.plan.train.packets
         )
@@ -183,13 +182,13 @@ class LinkTester:
         return (None if figures is None or not figures.received_count else figures.busy_bps), was_stopped
 
     def _run(
-        self, guard: BudgetGuard, stream: PacketStream, samples: Sequence[Sample], complete: Callable[[], bool]
+        self, guard: BudgetGuard, stream: session.PacketStream, samples: Sequence[Sample], complete: Callable[[], bool]
     ) -> bool:
         """Run a stream until it is complete; whether a person has stopped it: `session.run` ends on Ctrl-C as well."""
-        reason = run(self.transport, self.peer, [stream], guard, stop=complete)
+        reason = session.run(self.transport, self.peer, [stream], guard, stop=complete)
         for sample in samples:
             self.write(sample)
-        return reason == EndReason.STOPPED and not complete()
+        return reason == session.EndReason.STOPPED and not complete()
 
 
 def _is_complete(sample: Sample) -> bool:
@@ -231,11 +230,11 @@ class RunningSurvey:
         try:
             while not self._over():
                 if self._due() and self.take().no_test == STOP_REASON:
-                    return EndReason.STOPPED
+                    return session.EndReason.STOPPED
                 self.clock.wait(_LOOK_S)
         except KeyboardInterrupt:
-            return EndReason.STOPPED
-        return EndReason.DONE
+            return session.EndReason.STOPPED
+        return session.EndReason.DONE
 
     def _over(self) -> bool:
         limit = self.plan.max_seconds

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.times import time_text
-from atlantis_netcfg.links.lte.judge import WEAK_RSRP_DBM, WEAK_RSRQ_DB, WEAK_SINR_DB
+from atlantis_netcfg.links.lte import judge
 from atlantis_netcfg.runs.report.page import page, page_environment
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ class BandScale:
 
 
 SCALES: Final = (
-    BandScale("rsrp_dbm", "RSRP", "dBm", (-90.0, -100.0, WEAK_RSRP_DBM, -115.0)),
-    BandScale("rsrq_db", "RSRQ", "dB", (-10.0, -12.0, WEAK_RSRQ_DB), digits=1),
-    BandScale("sinr_db", "SINR", "dB", (13.0, 7.0, WEAK_SINR_DB)),
+    BandScale("rsrp_dbm", "RSRP", "dBm", (-90.0, -100.0, judge.WEAK_RSRP_DBM, -115.0)),
+    BandScale("rsrq_db", "RSRQ", "dB", (-10.0, -12.0, judge.WEAK_RSRQ_DB), digits=1),
+    BandScale("sinr_db", "SINR", "dB", (13.0, 7.0, judge.WEAK_SINR_DB)),
     BandScale("rtt_median_s", "Round trip", "ms", (60.0, 120.0, 250.0, 800.0), factor=1000.0),
     BandScale("goodput_up_bps", "Goodput up", "Mbit/s", (10.0, 4.0, 1.0, 0.3), factor=1e-6, digits=2),
 )

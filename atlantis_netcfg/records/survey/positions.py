@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, Protocol
 
+from atlantis_netcfg.checklist.probes.base import Transcript
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT, gpsd
 from atlantis_netcfg.checklist.probes.gps.judge import NULL_DEGREES, POOR_EPH_M, POOR_HDOP, distance_m
 from atlantis_netcfg.checklist.probes.gps.record import Nature
-from atlantis_netcfg.checklist.probes.step import Transcript
 from atlantis_netcfg.core.errors import UsageError
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import ignore
-from atlantis_netcfg.inventory.model import BearerKind, LteDriver, LteRouter
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, active_bearer
 from atlantis_netcfg.operations.common.costs import ways_of
 from atlantis_netcfg.operations.links.collect import session_to
@@ -24,7 +24,6 @@ from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.lte import LteReading
     from atlantis_netcfg.operations import Request
     from atlantis_netcfg.runs import Store
@@ -34,28 +33,28 @@ _ROUTER_S = 5.0
 BY_HAND = "`driver: manual`: a person looks at its own page"
 
 
-def surveyed_link(declaration: Declaration, site: str, name: str | None) -> Bearer:
+def surveyed_link(declaration: Declaration, site: str, name: str | None) -> model.Bearer:
     """The 4G link of a site of that name, or the only one. Raises UsageError."""
-    links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is BearerKind.LTE}
+    links = {bearer.name: bearer for bearer in declaration.sites[site].bearers if bearer.kind is model.BearerKind.LTE}
     choices = f"its 4G links: {', '.join(links)}" if links else "it declares no 4G link"
     if name is None and len(links) == 1:
         return next(iter(links.values()))
     if name in links:
         return links[name]
     if name is None:
-        raise UsageError(f"`{site}` has no single 4G link to survey: {choices}", hint="type which: `link=4g`")
-    near = nearest(name, links)
-    raise UsageError(
+        raise errors.UsageError(f"`{site}` has no single 4G link to survey: {choices}", hint="type which: `link=4g`")
+    near = errors.nearest(name, links)
+    raise errors.UsageError(
         f"`link={name}` is no 4G link of `{site}`: {choices}",
         hint=f"did you mean `link={near}`?" if near else "a survey reads a 4G unit",
     )
 
 
-def unit_of(declaration: Declaration, bearer: Bearer) -> Host:
+def unit_of(declaration: Declaration, bearer: model.Bearer) -> Host:
     """The box of a 4G link. Raises UsageError where none is declared."""
     host = declaration.hosts.get(bearer.device or "")
-    if host is None or not isinstance(host.device, LteRouter):
-        raise UsageError(
+    if host is None or not isinstance(host.device, model.LteRouter):
+        raise errors.UsageError(
             f"link `{bearer.name}` has no 4G unit that could be read",
             hint="declare its box, and `device:` of the link (docs/4g.md)",
         )
@@ -83,21 +82,21 @@ class UnitRadio:
 
     async def _radio(self) -> RadioSample:
         device = self.host.device
-        assert isinstance(device, LteRouter)  # noqa: S101 - `unit_of` has looked
-        if device.driver is LteDriver.MANUAL:
+        assert isinstance(device, model.LteRouter)  # noqa: S101 - `unit_of` has looked
+        if device.driver is model.LteDriver.MANUAL:
             return RadioSample(no_radio=BY_HAND)
         target = self.request.targets.get(self.host.name)
         unit = LteUnit(self.host, device, self.store, ignore, self.request.rehearsed, target)
         try:
-            if device.driver is LteDriver.ROUTEROS:
+            if device.driver is model.LteDriver.ROUTEROS:
                 door = session_to(self.declaration, self.host.site, self.host, self.request)
                 return sample_of((await read_routeros(door, unit)).reading)
             return sample_of((await read_by_driver(unit)).reading)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             return RadioSample(no_radio=str(error))
 
     async def _carried_by(self, router: Host) -> str | None:
-        with suppress(NetcfgError, TimeoutError):
+        with suppress(errors.NetcfgError, TimeoutError):
             door = session_to(self.declaration, router.site, router, self.request)
             async with asyncio.timeout(_ROUTER_S), door.open_session() as session:
                 answers = rows(await session.command(_ROUTES))

@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.emulator.udp_link import HEADERS, LinkModel, LinkShape
+from atlantis_netcfg.emulator import udp_link
 from atlantis_netcfg.links.qualify.reflector.answering import Reflector
 from atlantis_netcfg.links.qualify.session import SECOND
 from atlantis_netcfg.links.qualify.transport import Arrival
-from atlantis_netcfg.records.survey.positions import GpsdStream, NoPosition, TrackPosition
+from atlantis_netcfg.records.survey import positions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -63,12 +63,12 @@ class SimulatedLink:
     """A `DatagramTransport` to our reflector over two models of a link; both clocks are the voyage's."""
 
     clock: SimulatedClock
-    shapes: Callable[[], tuple[LinkShape, LinkShape]]
+    shapes: Callable[[], tuple[udp_link.LinkShape, udp_link.LinkShape]]
     """How the link is now, up and down."""
-    up: LinkModel
-    down: LinkModel
+    up: udp_link.LinkModel
+    down: udp_link.LinkModel
     reflector: Reflector = field(default_factory=lambda: Reflector(KEY))
-    headers: int = HEADERS
+    headers: int = udp_link.HEADERS
     _due: list[tuple[int, int, bool, bytes]] = field(default_factory=list)
     _count: int = 0
 
@@ -93,7 +93,7 @@ class SimulatedLink:
     def _carry(self, datagram: bytes, *, up: bool) -> None:
         self.up.shape, self.down.shape = self.shapes()
         model = self.up if up else self.down
-        for arrival_s in model.offer(len(datagram) + HEADERS, self.clock.ns / SECOND):
+        for arrival_s in model.offer(len(datagram) + udp_link.HEADERS, self.clock.ns / SECOND):
             self._count += 1
             heapq.heappush(self._due, (max(self.clock.ns, round(arrival_s * SECOND)), self._count, up, datagram))
 
@@ -144,14 +144,14 @@ class Voyage:
     reports: Callable[[datetime, float, float], Iterable[bytes]] = gpsd_reports
     """What gpsd says at a second and a place."""
     link: SimulatedLink = field(init=False)
-    _stream: GpsdStream = field(default_factory=GpsdStream)
+    _stream: positions.GpsdStream = field(default_factory=positions.GpsdStream)
     _told_s: int = -1
     """The last second that the emulated gpsd has reported."""
 
     def __post_init__(self) -> None:
         """Lay the link."""
         generators = (random.Random(1), random.Random(2))  # noqa: S311 - an emulation
-        up, down = (LinkModel(LinkShape(), source) for source in generators)
+        up, down = (udp_link.LinkModel(udp_link.LinkShape(), source) for source in generators)
         self.link = SimulatedLink(self.clock, self._shapes, up, down)
 
     @property
@@ -159,14 +159,14 @@ class Voyage:
         """What is on the air here and now."""
         return self.coverage.at(*self.track.at(self.clock.now_s()))
 
-    def _shapes(self) -> tuple[LinkShape, LinkShape]:
+    def _shapes(self) -> tuple[udp_link.LinkShape, udp_link.LinkShape]:
         """The link is what the place allows; without service everything is lost."""
         truth = self.truth
         loss, delay_s = 0.0 if truth.has_service else 1.0, self.rate.rtt_s / 2 * truth.delay_factor
         up, down = (bps * truth.rate_share for bps in (self.rate.up_bps, self.rate.down_bps))
-        return LinkShape(up, delay_s, loss=loss), LinkShape(down, delay_s, loss=loss)
+        return udp_link.LinkShape(up, delay_s, loss=loss), udp_link.LinkShape(down, delay_s, loss=loss)
 
-    def position(self) -> TrackPosition | NoPosition:
+    def position(self) -> positions.TrackPosition | positions.NoPosition:
         """As `PositionSource` has it: the receiver reports once a second."""
         second = int(self.clock.now_s())
         if second != self._told_s:

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg import __version__
 from atlantis_netcfg.checklist.probes.gps import GPSD_PORT
 from atlantis_netcfg.core.errors import UsageError
-from atlantis_netcfg.emulator.coverage import out_and_back, two_masts
+from atlantis_netcfg.emulator import coverage
 from atlantis_netcfg.inventory.model import Gateway
 from atlantis_netcfg.links.qualify.session import ReflectorPeer
 from atlantis_netcfg.links.qualify.transport import UdpTransport
 from atlantis_netcfg.operations.computers._access import computer_access
 from atlantis_netcfg.operations.computers.remote_session import ssh_command
 from atlantis_netcfg.operations.qualify.far_end import key_of
-from atlantis_netcfg.records.survey.measure import LinkTester, RunningSurvey
+from atlantis_netcfg.records.survey import measure, rehearsal
 from atlantis_netcfg.records.survey.points import SurveyHeader
 from atlantis_netcfg.records.survey.positions import (
     MAX_AGE_S,
@@ -28,18 +28,15 @@ from atlantis_netcfg.records.survey.positions import (
     typed_position,
 )
 from atlantis_netcfg.records.survey.radio import UnitRadio
-from atlantis_netcfg.records.survey.rehearsal import KEY, DeclaredRate, Voyage, VoyageRadio
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from contextlib import ExitStack
 
-    from atlantis_netcfg.emulator.coverage import PlaceTruth
     from atlantis_netcfg.inventory import Declaration, Host
     from atlantis_netcfg.inventory.model import Bearer
     from atlantis_netcfg.links.qualify.samples import Sample
     from atlantis_netcfg.operations import Request
-    from atlantis_netcfg.records.survey.measure import SurveyPlan
     from atlantis_netcfg.records.survey.points import SurveyPoint
     from atlantis_netcfg.records.survey.positions import TrackPosition
     from atlantis_netcfg.runs import Store
@@ -98,12 +95,12 @@ class SiteSurvey:
     unit: Host
     request: Request
     store: Store
-    plan: SurveyPlan
+    plan: measure.SurveyPlan
     radio_only: bool = False
     clicks: bool = False
     gps: str | None = None
     """`gateway`, `here`, or an address; None: the gateway if it has a receiver, else this computer."""
-    tune: Callable[[PlaceTruth], None] | None = None
+    tune: Callable[[coverage.PlaceTruth], None] | None = None
     """A rehearsal: puts on the air what the emulated unit hears."""
 
     @property
@@ -125,18 +122,18 @@ class SiteSurvey:
 
     def running(
         self, stack: ExitStack, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
-    ) -> RunningSurvey:
+    ) -> measure.RunningSurvey:
         """All that a survey needs; what has to be closed ends with the stack. Raises UsageError."""
         if self.tune is not None:
             return self._build_emulation(samples, write)
         tester = None
         if not self.radio_only:
             transport = stack.enter_context(self._transport())
-            tester = LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
+            tester = measure.LinkTester(self.plan, transport, ReflectorPeer(self.far_end[2]), samples)
             self.plan.test_every_s(transport.headers)
         radio = UnitRadio(self.declaration, self.unit, self.request, self.store, self.declaration.router_of(self.site))
         positions = TypedPositions() if self.clicks else stack.enter_context(self._gpsd())
-        return RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
+        return measure.RunningSurvey(self.plan, self.link.name, positions, radio, tester, RealClock(), write)
 
     def _transport(self) -> UdpTransport:
         address, port, _ = self.far_end
@@ -150,18 +147,18 @@ class SiteSurvey:
 
     def _build_emulation(
         self, samples: Callable[[Sample], None], write: Callable[[SurveyPoint], None]
-    ) -> RunningSurvey:
+    ) -> measure.RunningSurvey:
         assert self.tune is not None  # noqa: S101 - the caller has looked
         fence, rate = self.declaration.sites[self.site].checklist.geofence, self.link.rate
         begin = _PORT_OF_VIANA if fence is None else (fence.latitude, fence.longitude)
-        declared_rate = DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
-        voyage = Voyage(out_and_back(*begin), two_masts(*begin), declared_rate, self.tune)
+        declared_rate = rehearsal.DeclaredRate(rate.rtt_ms / 1000, rate.up_kbps * 1000.0, rate.down_kbps * 1000.0)
+        voyage = rehearsal.Voyage(coverage.out_and_back(*begin), coverage.two_masts(*begin), declared_rate, self.tune)
         tester = None
         if not self.radio_only:
-            tester = LinkTester(self.plan, voyage.link, ReflectorPeer(KEY), samples)
+            tester = measure.LinkTester(self.plan, voyage.link, ReflectorPeer(rehearsal.KEY), samples)
             self.plan.test_every_s(voyage.link.headers)
-        radio = VoyageRadio(voyage, UnitRadio(self.declaration, self.unit, self.request, self.store))
-        return RunningSurvey(self.plan, self.link.name, voyage, radio, tester, voyage.clock, write)
+        radio = rehearsal.VoyageRadio(voyage, UnitRadio(self.declaration, self.unit, self.request, self.store))
+        return measure.RunningSurvey(self.plan, self.link.name, voyage, radio, tester, voyage.clock, write)
 
     def _gpsd(self) -> GpsdSource:
         gateways = [host for host in self.declaration.site_hosts(self.site) if isinstance(host.device, Gateway)]
@@ -176,7 +173,7 @@ class SiteSurvey:
         address = ("127.0.0.1", GPSD_PORT) if self.gps in {None, "here"} else gpsd_address(self.gps or "")
         return GpsdSource(f"gpsd at {address[0]}:{address[1]}", address)
 
-    def header(self, survey: RunningSurvey, name: str) -> SurveyHeader:
+    def header(self, survey: measure.RunningSurvey, name: str) -> SurveyHeader:
         """The first line of its file."""
         tester = survey.tester
         far = None

@@ -12,18 +12,7 @@ import os
 import ssl
 from typing import TYPE_CHECKING, Final, Self
 
-from atlantis_netcfg.routeros.api._tls import TlsTransport, certificate_bytes, check_pin, cut_off, fingerprint_of
-from atlantis_netcfg.routeros.api._values import (
-    Command,
-    Endpoint,
-    FellSilent,
-    LoginError,
-    ProtocolError,
-    Reply,
-    SessionLost,
-    Traffic,
-    Unreachable,
-)
+from atlantis_netcfg.routeros.api import _tls, _values
 from atlantis_netcfg.routeros.api._wire import Wire
 
 if TYPE_CHECKING:
@@ -31,7 +20,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 
-async def log_in(wire: Wire, endpoint: Endpoint) -> None:
+async def log_in(wire: Wire, endpoint: _values.Endpoint) -> None:
     """Log in over a TLS connection whose certificate was checked. Raises LoginRefused with the device's words.
 
     A device older than 6.43 answers name and password with a challenge; that it saw the password is no loss, since it
@@ -43,26 +32,26 @@ async def log_in(wire: Wire, endpoint: Endpoint) -> None:
         await _ask(wire, endpoint, ("response", _response(reply.ret, password, endpoint)))
 
 
-async def _ask(wire: Wire, endpoint: Endpoint, proof: tuple[str, str]) -> Reply:
-    command = Command("/login", (("name", endpoint.user), proof))
+async def _ask(wire: Wire, endpoint: _values.Endpoint, proof: tuple[str, str]) -> _values.Reply:
+    command = _values.Command("/login", (("name", endpoint.user), proof))
     patience_s = min(endpoint.connect_timeout_s, endpoint.reply_timeout_s)
     try:
         (reply,) = await wire.exchange([command], patience_s, patience_s)
-    except SessionLost as lost:
+    except _values.SessionLost as lost:
         raise type(lost)(f"{lost} (during the login of `{endpoint.user}`)", in_flight=False) from None
     if reply.trap is not None:
-        raise LoginError(
+        raise _values.LoginError(
             f"{endpoint} refused the login of `{endpoint.user}`: {reply.trap.message}",
             hint="check the name and the vaulted password of this device in the inventory",
         )
     return reply
 
 
-def _response(challenge: str, password: str, endpoint: Endpoint) -> str:
+def _response(challenge: str, password: str, endpoint: _values.Endpoint) -> str:
     try:
         salt = binascii.unhexlify(challenge)
     except ValueError:
-        raise ProtocolError(f"{endpoint} sent a login challenge that is no number", in_flight=False) from None
+        raise _values.ProtocolError(f"{endpoint} sent a login challenge that is no number", in_flight=False) from None
     secret = password.encode("utf-8", "surrogateescape")
     return "00" + hashlib.md5(b"\x00" + secret + salt, usedforsecurity=False).hexdigest()
 
@@ -85,7 +74,7 @@ _CLOSE_S: Final = 3.0
 class Session:
     """A logged-in session; use `Session.open`, then `async with` or `close`."""
 
-    def __init__(self, endpoint: Endpoint, wire: Wire, certificate: str) -> None:
+    def __init__(self, endpoint: _values.Endpoint, wire: Wire, certificate: str) -> None:
         self.endpoint = endpoint
         self.certificate = certificate
         self.traffic = wire.traffic
@@ -96,12 +85,12 @@ class Session:
         """Nothing but reading was sent: another session in its place is as good."""
 
     @classmethod
-    async def open(cls, endpoint: Endpoint) -> Self:
+    async def open(cls, endpoint: _values.Endpoint) -> Self:
         """Connect, check the certificate against the pin, then log in: one round trip after the TLS handshake.
 
         Raises Unreachable, CertificateUnknown, CertificateChanged, LoginRefused, SessionLost, ProtocolError.
         """
-        traffic = Traffic()
+        traffic = _values.Traffic()
         endpoint.opening(traffic)
         wire, fingerprint = await _logged_in(endpoint, traffic)
         return cls(endpoint, wire, fingerprint)
@@ -113,14 +102,16 @@ class Session:
 
     def fall_silent(self) -> None:
         """Let neither end hear the other again, as a link that has died; the connection stays until it is closed."""
-        cut_off(self._wire.transport)
+        _tls.cut_off(self._wire.transport)
 
-    async def command(self, command: Command, *, silence_s: float | None = None) -> Reply:
+    async def command(self, command: _values.Command, *, silence_s: float | None = None) -> _values.Reply:
         """Send one command and wait for its answer: a flight of one."""
         (reply,) = await self.flight([command], silence_s=silence_s)
         return reply
 
-    async def flight(self, commands: Sequence[Command], *, silence_s: float | None = None) -> list[Reply]:
+    async def flight(
+        self, commands: Sequence[_values.Command], *, silence_s: float | None = None
+    ) -> list[_values.Reply]:
         """Send commands in batches of WINDOW, or of `Endpoint.window` where all of them read; replies in their order.
 
         Each batch is one write and one round trip, in which the device may keep no order. A refused command does not
@@ -138,7 +129,7 @@ class Session:
         async with self._turn:
             try:
                 return await self._batches(commands, self._window if reading else WINDOW, patience_s)
-            except FellSilent:
+            except _values.FellSilent:
                 if not self._only_read or min(len(commands), self._window) <= WINDOW:
                     raise
             self._window = WINDOW
@@ -148,8 +139,10 @@ class Session:
             self.endpoint.on_window_shrink()
             return replies
 
-    async def _batches(self, commands: Sequence[Command], window: int, patience_s: float) -> list[Reply]:
-        replies: list[Reply] = []
+    async def _batches(
+        self, commands: Sequence[_values.Command], window: int, patience_s: float
+    ) -> list[_values.Reply]:
+        replies: list[_values.Reply] = []
         for start in range(0, len(commands), window):
             replies += await self._wire.exchange(commands[start : start + window], patience_s)
         return replies
@@ -176,31 +169,31 @@ class Session:
         await self.close()
 
 
-async def certificate_of(endpoint: Endpoint) -> str:
+async def certificate_of(endpoint: _values.Endpoint) -> str:
     """Connect, and give the SHA-256 of the certificate that is shown: nothing is sent. Raises Unreachable."""
     return hashlib.sha256(await shown_certificate(endpoint)).hexdigest()
 
 
-async def shown_certificate(endpoint: Endpoint) -> bytes:
+async def shown_certificate(endpoint: _values.Endpoint) -> bytes:
     """Connect, and give the certificate that is shown, DER: nothing is sent. Raises Unreachable."""
-    wire = await _connect(endpoint, Traffic())
+    wire = await _connect(endpoint, _values.Traffic())
     try:
-        return certificate_bytes(endpoint, wire.transport)
+        return _tls.certificate_bytes(endpoint, wire.transport)
     finally:
         wire.abort()
         await wire.closed.wait()
 
 
-def _reads(command: Command) -> bool:
+def _reads(command: _values.Command) -> bool:
     return command.path.rpartition("/")[2] == "print"
 
 
-async def _logged_in(endpoint: Endpoint, traffic: Traffic) -> tuple[Wire, str]:
+async def _logged_in(endpoint: _values.Endpoint, traffic: _values.Traffic) -> tuple[Wire, str]:
     """Open a session; its wire, and the certificate that the device has shown."""
     wire = await _connect(endpoint, traffic)
     try:
-        fingerprint = fingerprint_of(endpoint, wire.transport)
-        check_pin(endpoint, fingerprint)
+        fingerprint = _tls.fingerprint_of(endpoint, wire.transport)
+        _tls.check_pin(endpoint, fingerprint)
         await log_in(wire, endpoint)
     except BaseException:
         wire.abort()
@@ -209,33 +202,33 @@ async def _logged_in(endpoint: Endpoint, traffic: Traffic) -> tuple[Wire, str]:
     return wire, fingerprint
 
 
-async def _connect(endpoint: Endpoint, traffic: Traffic) -> Wire:
+async def _connect(endpoint: _values.Endpoint, traffic: _values.Traffic) -> Wire:
     wire = Wire(str(endpoint), traffic)
     try:
         async with asyncio.timeout(endpoint.connect_timeout_s):
             _, tls = await asyncio.get_running_loop().create_connection(
-                lambda: TlsTransport(wire, endpoint.host, traffic), endpoint.host, endpoint.port
+                lambda: _tls.TlsTransport(wire, endpoint.host, traffic), endpoint.host, endpoint.port
             )
             await _wait_for_handshake(tls)
     except TimeoutError:
-        raise Unreachable(
+        raise _values.Unreachable(
             f"{endpoint} did not answer within {endpoint.connect_timeout_s:g} s",
             hint="is it powered, and does this laptop have an address in its management network?",
         ) from None
     except (ssl.SSLError, ConnectionResetError, ConnectionAbortedError) as error:
-        raise Unreachable(
+        raise _values.Unreachable(
             f"{endpoint} answered, but not with TLS and a certificate ({_why(error)})",
             hint="api-ssl needs a certificate:  /ip service set api-ssl certificate=NAME disabled=no",
         ) from None
     except (OSError, UnicodeError) as error:
-        raise Unreachable(
+        raise _values.Unreachable(
             f"{endpoint} cannot be reached: {_why(error)}",
             hint="check cable and address; on the device:  /ip service print where name=api-ssl",
         ) from None
     return wire
 
 
-async def _wait_for_handshake(tls: TlsTransport) -> None:
+async def _wait_for_handshake(tls: _tls.TlsTransport) -> None:
     """Wait for the end of the handshake. Raises ssl.SSLError, OSError."""
     try:
         await tls.established

@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any, cast
 
 from atlantis_netcfg.core.errors import TRUST
-from atlantis_netcfg.routeros.api._values import CertificateMismatch, CertificateUnknown, Endpoint, Traffic, Unreachable
+from atlantis_netcfg.routeros.api import _values
 
 _PIECE = 65_536
 _ATTACH_FILTER = 26
@@ -28,7 +28,7 @@ class TlsTransport(asyncio.Transport, asyncio.Protocol):
     `established` is set once the handshake is done; it raises ssl.SSLError or OSError if there is none.
     """
 
-    def __init__(self, inner: asyncio.Protocol, host: str, traffic: Traffic) -> None:
+    def __init__(self, inner: asyncio.Protocol, host: str, traffic: _values.Traffic) -> None:
         super().__init__()
         self.established = asyncio.get_running_loop().create_future()
         self.lost = asyncio.Event()
@@ -157,30 +157,30 @@ def client_context() -> ssl.SSLContext:
     return context
 
 
-def fingerprint_of(endpoint: Endpoint, transport: asyncio.BaseTransport) -> str:
+def fingerprint_of(endpoint: _values.Endpoint, transport: asyncio.BaseTransport) -> str:
     """Return the SHA-256 of the certificate that the device showed, as RouterOS prints it. Raises Unreachable."""
     return hashlib.sha256(certificate_bytes(endpoint, transport)).hexdigest()
 
 
-def certificate_bytes(endpoint: Endpoint, transport: asyncio.BaseTransport) -> bytes:
+def certificate_bytes(endpoint: _values.Endpoint, transport: asyncio.BaseTransport) -> bytes:
     """Return the certificate that the device showed, DER. Raises Unreachable."""
     der: bytes | None = transport.get_extra_info("ssl_object").getpeercert(binary_form=True)
     if not der:
-        raise Unreachable(f"{endpoint} showed no certificate")
+        raise _values.Unreachable(f"{endpoint} showed no certificate")
     return der
 
 
-def check_pin(endpoint: Endpoint, fingerprint: str) -> None:
+def check_pin(endpoint: _values.Endpoint, fingerprint: str) -> None:
     """Compare certificate and pin. Raises CertificateUnknown without a pin, CertificateChanged if they differ."""
     if endpoint.pin is None:
-        raise CertificateUnknown(
+        raise _values.CertificateUnknown(
             f"{endpoint}: its certificate is not known here, so it was told no password; it showed {fingerprint}",
             fingerprint=fingerprint,
             hint=f"{TRUST}; or declare `fingerprint: {fingerprint}` under its `access`, but {_COMPARE}",
         )
     pinned_fingerprint = endpoint.pin.replace(":", "").lower()
     if pinned_fingerprint != fingerprint:
-        raise CertificateMismatch(
+        raise _values.CertificateMismatch(
             f"{endpoint}: the certificate is not the one of this device; pinned is {pinned_fingerprint}, "
             f"it showed {fingerprint}",
             pinned_fingerprint=pinned_fingerprint,

@@ -6,7 +6,7 @@ And how a session can fail: every text is for a person and names the device, non
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, Protocol, Self
 
 from atlantis_netcfg.core.errors import DeviceError
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.core.secret import Secret
     from atlantis_netcfg.routeros._types import Row
-from typing import TYPE_CHECKING, Protocol
 
 
 class Unreachable(DeviceError):

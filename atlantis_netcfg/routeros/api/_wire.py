@@ -24,7 +24,7 @@ from librouteros.protocol import (
 )
 
 from atlantis_netcfg.core import printable
-from atlantis_netcfg.routeros.api._values import Command, FellSilent, ProtocolError, Reply, SessionLost, Traffic, Trap
+from atlantis_netcfg.routeros.api import _values
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -54,7 +54,7 @@ class Attributes(dict[str, str]):
     """The attributes of one sentence; one that is not there is what the device has left out, and no mistake of ours."""
 
     def __missing__(self, name: str) -> str:
-        raise ProtocolError(
+        raise _values.ProtocolError(
             f"the device has sent an answer without `{name}`, which every RouterOS sends",
             in_flight=False,
             hint="is this the device that is declared, and is its RouterOS whole?",
@@ -208,10 +208,10 @@ _PROGRESS_BYTES = 4096
 class _Pending:
     """What was answered so far to one command."""
 
-    command: Command
+    command: _values.Command
     rows: list[Row] = field(default_factory=list)
-    trap: Trap | None = None
-    reply: Reply | None = None
+    trap: _values.Trap | None = None
+    reply: _values.Reply | None = None
 
     def take(self, answer: AnswerReader) -> None:
         if answer.reply == "!re":
@@ -219,15 +219,15 @@ class _Pending:
         elif answer.reply == "!trap" and self.trap is None:
             category = answer.attributes.get("category", "")
             message = printable.line(answer.attributes.get("message", ""))
-            self.trap = Trap(message, int(category) if category in _CATEGORIES else None)
+            self.trap = _values.Trap(message, int(category) if category in _CATEGORIES else None)
         elif answer.reply == "!done":
-            self.reply = Reply(tuple(self.rows), answer.attributes.get("ret"), self.trap, self.command.path)
+            self.reply = _values.Reply(tuple(self.rows), answer.attributes.get("ret"), self.trap, self.command.path)
 
 
 class Wire(asyncio.Protocol):
     """One connection: sentences out, answers sorted by tag; fails once for good."""
 
-    def __init__(self, name: str, traffic: Traffic) -> None:
+    def __init__(self, name: str, traffic: _values.Traffic) -> None:
         self.name = name
         self.traffic = traffic
         """Counted by the transport below."""
@@ -237,7 +237,7 @@ class Wire(asyncio.Protocol):
         self._tags: Iterator[int] = itertools.count(1)
         self._pending: dict[str, _Pending] = {}
         self._settled: asyncio.Future[None] | None = None
-        self._failure: SessionLost | None = None
+        self._failure: _values.SessionLost | None = None
         self._received = 0.0
         self._partial = self._bytes = self._rows = self._attributes = 0
         """What came since something whole did; what the answers to this batch came to."""
@@ -265,7 +265,7 @@ class Wire(asyncio.Protocol):
                 self._dispatch(parse(words))
             self._bound(sentences)
         except GarbageError as error:
-            self._fail(f"sent {error}", kind=ProtocolError)
+            self._fail(f"sent {error}", kind=_values.ProtocolError)
 
     def _bound(self, sentences: Sequence[Sequence[str]]) -> None:
         """Raise GarbageError for answers without end: no question of ours has so much to be told."""
@@ -277,13 +277,13 @@ class Wire(asyncio.Protocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport's call: the connection is gone; `exc` is None if the device closed it."""
         if not self._decoder.is_between:
-            self._fail("fell silent in the middle of an answer: the connection is lost", kind=ProtocolError)
+            self._fail("fell silent in the middle of an answer: the connection is lost", kind=_values.ProtocolError)
         self._fail("lost the connection" if exc else "closed the connection")
         self.closed.set()
 
     async def exchange(
-        self, commands: Sequence[Command], silence_s: float, longest_s: float = LONGEST_S
-    ) -> list[Reply]:
+        self, commands: Sequence[_values.Command], silence_s: float, longest_s: float = LONGEST_S
+    ) -> list[_values.Reply]:
         """Send all commands in one write and wait for all answers. Raises SessionLost, also after so much silence.
 
         A device that goes on answering is left after `longest_s`, or after `silence_s` if that is longer. One batch at
@@ -325,9 +325,9 @@ class Wire(asyncio.Protocol):
         while not completion.done():
             now = loop.time()
             if now >= self._received + silence_s:
-                self._fail(f"has not answered for {silence_s:g} s", kind=FellSilent)
+                self._fail(f"has not answered for {silence_s:g} s", kind=_values.FellSilent)
             elif now >= end:
-                self._fail(f"has gone on answering for {longest_s:g} s without an end", kind=ProtocolError)
+                self._fail(f"has gone on answering for {longest_s:g} s without an end", kind=_values.ProtocolError)
             else:
                 await asyncio.wait([completion], timeout=min(self._received + silence_s, end) - now)
         completion.result()
@@ -345,7 +345,7 @@ class Wire(asyncio.Protocol):
         if not self._pending and self._settled is not None and not self._settled.done():
             self._settled.set_result(None)
 
-    def _fail(self, how: str, *, kind: type[SessionLost] = SessionLost, abort: bool = True) -> None:
+    def _fail(self, how: str, *, kind: type[_values.SessionLost] = _values.SessionLost, abort: bool = True) -> None:
         """Fail for good, unless that already happened: who waits is told, and so is whoever sends later."""
         if self._failure is not None:
             return

@@ -11,29 +11,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import FEW_FOREIGN, Action, Facts, Observation, Plan, Verb
-from atlantis_netcfg.routeros.api import Command, Reply, SessionLost
-from atlantis_netcfg.routeros.apply._protection import InterferenceError, Protection, ProtectionChoice
-from atlantis_netcfg.routeros.apply._state import (
-    CLAIMS,
-    SAVING,
-    SIGNS,
-    claim,
-    claimed_by,
-    confirm_claim,
-    differing,
-    digest,
-    fetch,
-    invalid,
-    is_claiming,
-    parse_export,
-    restoring,
-    signs,
-)
+from atlantis_netcfg.routeros import _types, api, pin, safe_mode, scheduler_jobs, snapshot
+from atlantis_netcfg.routeros.apply import _protection, _state
 from atlantis_netcfg.routeros.apply._writer import ActionError, Writer
 from atlantis_netcfg.routeros.link_use import ROUTES
 from atlantis_netcfg.routeros.menus import MENUS
@@ -52,21 +35,7 @@ from atlantis_netcfg.routeros.observe import (
     read_back,
     read_counts,
 )
-from atlantis_netcfg.routeros.pin import LTE, monitor_of, pending
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
-from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost, SafeModeUnavailable, held_by
-from atlantis_netcfg.routeros.scheduler_jobs import MENU as SCHEDULER
-from atlantis_netcfg.routeros.scheduler_jobs import DeadMan, WillNotRun, arm_dead_man, disarm, forbidden
-from atlantis_netcfg.runs import (
-    ActionAcknowledgement,
-    ActionConfirmation,
-    LayerSent,
-    ProtectionRecord,
-    ReleaseRecord,
-    Releasing,
-    SignRecord,
-    VerificationRecord,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -75,8 +44,8 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.apply._work import RunContext
 
 
-_COUNT = Command("/system/history/print", (("count-only", ""),))
-_ACTIONS = Command("/system/history/print", ((".proplist", "action"),))
+_COUNT = api.Command("/system/history/print", (("count-only", ""),))
+_ACTIONS = api.Command("/system/history/print", ((".proplist", "action"),))
 _READS_FILES = Version(7, 13)
 _SIGN_S = 1800.0
 _SHOWN_HANDS = 5
@@ -95,30 +64,34 @@ async def begin(work: RunContext) -> Writer:
         _record_protection(work)
     elif alone:
         await take(work)
-    sign = [claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
+    sign = [_state.claim(work.signer.text, _sign_s(work))] if needs_sign(work) else []
     if sign:
-        work.record(SignRecord(device=work.job.name, sign=work.signer.text))
-    questions = [*sign, *SAVING, _ACTIONS, CLAIMS] if sign else BEFORE
+        work.record(runs.SignRecord(device=work.job.name, sign=work.signer.text))
+    questions = [*sign, *_state.SAVING, _ACTIONS, _state.CLAIMS] if sign else BEFORE
     answers = early or await work.channel.flight([*questions, *(() if alone else work.safe_mode.beside)])
     await asyncio.sleep(0)  # whoever has stopped the run meanwhile is heard before anything is written
     export, probe, history, claims, *holder_replies = answers[len(sign) :]
     if sign:
-        work.sign = await confirm_claim(work.channel, sign[0], answers[0], claims.rows, work.signer)
-    saved_export = parse_export(export, probe)
-    text = saved_export.text if saved_export.text is not None else await fetch(work.channel, partial(_as_read, work))
+        work.sign = await _state.confirm_claim(work.channel, sign[0], answers[0], claims.rows, work.signer)
+    saved_export = _state.parse_export(export, probe)
+    text = (
+        saved_export.text
+        if saved_export.text is not None
+        else await _state.fetch(work.channel, partial(_as_read, work))
+    )
     work.job.journal.save(work.job.name, text)
     if not work.restores:
         _nobody_else(work, claims, work.safe_mode.read_holder(holder_replies) if holder_replies else None)
-        if not (protection is Protection.SAFE_MODE and _is_untouched(work, history)):
+        if not (protection is _protection.Protection.SAFE_MODE and _is_untouched(work, history)):
             await _look_again(work)
         # Only now: the job would take back to what was read, which has to be what is there.
         await _arm(work)
-        if protection is Protection.CONSOLE and not stages.prepare:
+        if protection is _protection.Protection.CONSOLE and not stages.prepare:
             await take(work)
     return saved_export.writer
 
 
-BEFORE = (*SAVING, _COUNT, CLAIMS)
+BEFORE = (*_state.SAVING, _COUNT, _state.CLAIMS)
 """What is asked before the first change of a run without a sign."""
 
 
@@ -133,7 +106,7 @@ def _as_read(work: RunContext) -> str:
     if work.observation.facts.version >= _READS_FILES:
         raise DeviceError("the state before the change cannot be saved, so nothing is changed")
     work.notes.append("the device cannot hand out its export: what was read of it is saved instead")
-    return snapshot.write(work.job.name, restoring(work.observation), work.observation)
+    return snapshot.write(work.job.name, _state.restoring(work.observation), work.observation)
 
 
 def _sign_s(work: RunContext) -> float:
@@ -143,7 +116,7 @@ def _sign_s(work: RunContext) -> float:
 
 def safe_mode_first(work: RunContext) -> bool:
     """Tell whether safe mode is taken before anything is written: no harmless addition goes before it."""
-    return work.protection is Protection.SAFE_MODE and not work.stages.prepare
+    return work.protection is _protection.Protection.SAFE_MODE and not work.stages.prepare
 
 
 async def take(work: RunContext) -> None:
@@ -151,7 +124,7 @@ async def take(work: RunContext) -> None:
     work.holding = True
     try:
         holder = await work.safe_mode.take(work.channel)
-    except SafeModeUnavailable:
+    except safe_mode.SafeModeUnavailable:
         work.holding = False
         raise
     work.owner = holder.who
@@ -159,16 +132,16 @@ async def take(work: RunContext) -> None:
 
 
 def _record_protection(work: RunContext) -> None:
-    work.record(ProtectionRecord(device=work.job.name, how=work.choice.value))
+    work.record(runs.ProtectionRecord(device=work.job.name, how=work.choice.value))
     work.say(Stage.PROTECTED, "safe mode is active: the device takes the changes back if the session is lost")
 
 
-def _nobody_else(work: RunContext, claims: Reply, holder: Holder | None) -> None:
-    other = work.signer.other(signs(claims.rows))
+def _nobody_else(work: RunContext, claims: api.Reply, holder: safe_mode.Holder | None) -> None:
+    other = work.signer.other(_state.signs(claims.rows))
     if other is not None:
-        raise claimed_by(other, work.job.site)
+        raise _state.claimed_by(other, work.job.site)
     if holder is not None and holder.is_taken and not holder.ours:
-        raise held_by(holder.who)
+        raise safe_mode.held_by(holder.who)
 
 
 async def _arm(work: RunContext) -> None:
@@ -178,22 +151,22 @@ async def _arm(work: RunContext) -> None:
         return
     now = asyncio.get_running_loop().time()
     # From here on the job may be there, whatever becomes of this session.
-    work.dead_man = DeadMan("", now, after_s)
+    work.dead_man = scheduler_jobs.DeadMan("", now, after_s)
     try:
-        work.dead_man = await arm_dead_man(work.channel, script, work.signer.text, after_s, now)
-    except WillNotRun as problem:
+        work.dead_man = await scheduler_jobs.arm_dead_man(work.channel, script, work.signer.text, after_s, now)
+    except scheduler_jobs.WillNotRun as problem:
         work.dead_man = None
-        if work.protection is not Protection.CONSOLE:
+        if work.protection is not _protection.Protection.CONSOLE:
             raise
-        work.choice = ProtectionChoice(Protection.CONSOLE, None, f"no dead-man job: {problem}")
+        work.choice = _protection.ProtectionChoice(_protection.Protection.CONSOLE, None, f"no dead-man job: {problem}")
         work.notes.append(f"no dead-man job: {problem}")
         return
     work.say(Stage.PROTECTED, f"a dead-man job is armed: the device takes everything back in {after_s / 60:.0f} min")
-    if work.protection is Protection.DEAD_MAN:
-        work.record(ProtectionRecord(device=work.job.name, how=work.choice.value))
+    if work.protection is _protection.Protection.DEAD_MAN:
+        work.record(runs.ProtectionRecord(device=work.job.name, how=work.choice.value))
 
 
-def _is_untouched(work: RunContext, history: Reply) -> bool:
+def _is_untouched(work: RunContext, history: api.Reply) -> bool:
     """Tell whether nobody has changed anything since the device was read, as far as the history's length can tell."""
     known_length = work.observation.facts.history
     if known_length >= HISTORY - 1:
@@ -202,7 +175,7 @@ def _is_untouched(work: RunContext, history: Reply) -> bool:
         return history.ret == str(known_length)
     newer = [row.get("action", "") for row in history.rows]
     return len(newer) == known_length or (
-        len(newer) == known_length + 1 and any(map(is_claiming, (newer[0], newer[-1])))
+        len(newer) == known_length + 1 and any(map(_state.is_claiming, (newer[0], newer[-1])))
     )
 
 
@@ -213,26 +186,26 @@ async def _look_again(work: RunContext) -> None:
     sets there in these seconds; where the plan touches the menu, it is read in full before anything becomes permanent.
     """
     rows = work.observation.rows
-    long = [path for path in rows if len(rows[path]) > FEW_FOREIGN]
+    long = [path for path in rows if len(rows[path]) > _types.FEW_FOREIGN]
     if long:
         now = await _read_and_count(work, long)
     else:
         now = await observe(work.channel, work.job.endpoint, work.job.desired_state.menus, tuple(rows))
-    changed_menus = differing(work.observation, now, work.job.desired_state.run_time)
+    changed_menus = _state.differing(work.observation, now, work.job.desired_state.run_time)
     if changed_menus:
-        raise InterferenceError(
+        raise _protection.InterferenceError(
             f"somebody else has changed the device since it was read ({', '.join(changed_menus[:_SHOWN_HANDS])})",
             hint="run the same command again: it plans from what is there now",
         )
 
 
-async def _read_and_count(work: RunContext, long: Sequence[str]) -> Observation:
+async def _read_and_count(work: RunContext, long: Sequence[str]) -> _types.Observation:
     """Read all menus but the `long` ones, whose rows are counted, and read where they have become more or fewer."""
     rows = work.observation.rows
     short = [path for path in rows if path not in long]
     replies = await work.channel.flight([*map(printing, short), *map(counting_rows, long)])
     # Our own sign is a row, too.
-    known_counts = {path: len(rows[path]) + (path == SIGNS and work.sign is not None) for path in long}
+    known_counts = {path: len(rows[path]) + (path == _state.SIGNS and work.sign is not None) for path in long}
     numbers = zip(long, replies[len(short) :], strict=True)
     changed_menus = [path for path, reply in numbers if number_of_rows(reply) != known_counts[path]]
     now = merge_menus(work.observation, short, replies[: len(short)])
@@ -256,7 +229,7 @@ async def change(work: RunContext) -> None:
     stages = work.stages
     if stages.prepare:
         await _write(work, writer, stages.prepare)
-    holder: Holder | None = None
+    holder: safe_mode.Holder | None = None
     for number, piece in enumerate(stages.pieces):
         if number:
             await _checkpoint(work, holder)
@@ -273,15 +246,17 @@ async def change(work: RunContext) -> None:
         await work.channel.flight(farewell)
         work.signed_off(farewell)
     work.confirmed_count = len(work.aim.actions)
-    work.record(ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
+    work.record(
+        runs.ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions))
+    )
 
 
-async def _write(work: RunContext, writer: Writer, actions: Sequence[Action]) -> Holder | None:
+async def _write(work: RunContext, writer: Writer, actions: Sequence[_types.Action]) -> safe_mode.Holder | None:
     """Send actions turn by turn, each announced in the journal before and acknowledged after.
 
     Returns who held safe mode at the end, if that could be seen in the same round trip.
     """
-    holder: Holder | None = None
+    holder: safe_mode.Holder | None = None
     for turn in writer.turns(actions):
         holder = work.safe_mode.read_holder(await _send(work, writer, turn, work.safe_mode.beside))
         if work.holding and holder is not None and not holder.ours:
@@ -290,32 +265,32 @@ async def _write(work: RunContext, writer: Writer, actions: Sequence[Action]) ->
 
 
 async def _send(
-    work: RunContext, writer: Writer, turn: Sequence[Action], beside: Sequence[Command] = ()
-) -> tuple[Reply, ...]:
+    work: RunContext, writer: Writer, turn: Sequence[_types.Action], beside: Sequence[api.Command] = ()
+) -> tuple[api.Reply, ...]:
     """Send one turn; the answers to `beside`."""
     if work.dead_man is not None and work.dead_man.is_near(asyncio.get_running_loop().time()):
-        raise ProtectionLost("the change takes so long that the dead-man job is about to take it back")
+        raise safe_mode.ProtectionLost("the change takes so long that the dead-man job is about to take it back")
     layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in turn))
     numbers = tuple(dict.fromkeys(action.number for action in turn))
-    work.record(LayerSent(device=work.job.name, layer=layers, actions=numbers))
+    work.record(runs.LayerSent(device=work.job.name, layer=layers, actions=numbers))
     work.has_sent_changes = True
     write_result = await writer.send(work.channel, turn, beside)
     work.acknowledged_numbers.update(write_result.acknowledged_numbers)
     if write_result.refusal is not None:
-        work.note(ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
+        work.note(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
         raise ActionError(write_result.refusal)
-    work.record(ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
+    work.record(runs.ActionAcknowledgement(device=work.job.name, actions=write_result.acknowledged_numbers))
     work.say(Stage.APPLYING, f"{len(work.acknowledged_numbers)} of {len(work.aim.actions)} sent ({layers})")
     return write_result.beside
 
 
-def _lose_protection(work: RunContext, holder: Holder) -> ProtectionLost:
+def _lose_protection(work: RunContext, holder: safe_mode.Holder) -> safe_mode.ProtectionLost:
     work.holding = False
     who = f"{holder.who} has taken safe mode from us" if holder.is_taken else "safe mode is not held any more"
-    return ProtectionLost(f"{who} in the middle of the change")
+    return safe_mode.ProtectionLost(f"{who} in the middle of the change")
 
 
-async def _checkpoint(work: RunContext, holder: Holder | None) -> None:
+async def _checkpoint(work: RunContext, holder: safe_mode.Holder | None) -> None:
     """Make a piece permanent, since safe mode cannot remember more; the way in is proved by a new session.
 
     `hold` was read together with the piece's last script, or is asked for.
@@ -325,11 +300,11 @@ async def _checkpoint(work: RunContext, holder: Holder | None) -> None:
     await _release(work, holder or await work.safe_mode.look(work.channel))
     try:
         await take(work)
-    except SafeModeUnavailable as unavailable:
+    except safe_mode.SafeModeUnavailable as unavailable:
         await _take_later(work, unavailable)
 
 
-async def _take_later(work: RunContext, current: SafeModeUnavailable) -> None:
+async def _take_later(work: RunContext, current: safe_mode.SafeModeUnavailable) -> None:
     """Wait until whoever looked in has gone; they must not have changed anything.
 
     Raises SafeModeUnavailable, Interfered.
@@ -342,27 +317,29 @@ async def _take_later(work: RunContext, current: SafeModeUnavailable) -> None:
     try:
         _compare(work, now, [each for each in work.aim.actions if each.number not in work.acknowledged_numbers])
     except VerificationError as changed:
-        raise InterferenceError(f"somebody else has changed the device between two pieces: {changed}") from changed
+        raise _protection.InterferenceError(
+            f"somebody else has changed the device between two pieces: {changed}"
+        ) from changed
 
 
-async def verify(work: RunContext, rest: Sequence[Action]) -> None:
+async def verify(work: RunContext, rest: Sequence[_types.Action]) -> None:
     """Read back in a new session: only `rest` may be left to do. Raises VerificationFailed."""
     work.say(Stage.VERIFYING, "reading back in a new session")
     now = await _until_told(work, await _read_anew(work))
     _compare(work, now, rest)
     await _until_shown(work, now)
     work.after = now
-    work.record(VerificationRecord(device=work.job.name, state=digest(now)))
+    work.record(runs.VerificationRecord(device=work.job.name, state=_state.digest(now)))
 
 
-async def _read_anew(work: RunContext) -> Observation:
+async def _read_anew(work: RunContext) -> _types.Observation:
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.verify_s
     while True:
         try:
             session = await work.contact.reach(max(0.0, until - clock()), "verifying", insist=False)
             return await _read(work, session)
-        except SessionLost as lost:
+        except api.SessionLost as lost:
             if clock() >= until:
                 raise VerificationError(f"no new session lasts long enough to read the device: {lost}") from lost
             await asyncio.sleep(patience.first_poll_s)
@@ -370,7 +347,7 @@ async def _read_anew(work: RunContext) -> Observation:
             raise VerificationError(f"the device cannot be entered anew: {failed}", hint=failed.hint) from failed
 
 
-async def _read(work: RunContext, session: Channel) -> Observation:
+async def _read(work: RunContext, session: Channel) -> _types.Observation:
     """Read what was touched, and all that may follow it where other menus may, or the state before is put back."""
     job, observation = work.job, work.observation
     touched_menus = tuple(dict.fromkeys(action.menu for action in work.aim.actions))
@@ -384,12 +361,12 @@ async def _read(work: RunContext, session: Channel) -> Observation:
     return replace(now, rows={**retained_rows, **now.rows})
 
 
-async def _until_told(work: RunContext, now: Observation) -> Observation:
+async def _until_told(work: RunContext, now: _types.Observation) -> _types.Observation:
     """Wait until the modem says what became of a PIN: it has to start anew for that. Raises VerificationFailed."""
     patience, clock = work.job.patience, asyncio.get_running_loop().time
     until = clock() + patience.modem_s
-    monitor = monitor_of(now.rows.get(LTE, ()))
-    while pending(work.job.desired_state, now):
+    monitor = pin.monitor_of(now.rows.get(pin.LTE, ()))
+    while pin.pending(work.job.desired_state, now):
         if clock() >= until:
             raise VerificationError(f"the modem has not taken the PIN within {patience.modem_s:.0f} s")
         await asyncio.sleep(patience.first_poll_s)
@@ -397,7 +374,7 @@ async def _until_told(work: RunContext, now: Observation) -> Observation:
     return now
 
 
-async def _until_shown(work: RunContext, now: Observation) -> None:
+async def _until_shown(work: RunContext, now: _types.Observation) -> None:
     """Wait until the routes do what the change is for, where a job says what that is. Raises VerificationFailed."""
     if work.job.shows is None:
         return
@@ -410,7 +387,7 @@ async def _until_shown(work: RunContext, now: Observation) -> None:
         now = merge_menus(now, (ROUTES,), [await work.channel.command(printing(ROUTES))])
 
 
-def _compare(work: RunContext, now: Observation, rest: Iterable[Action]) -> None:
+def _compare(work: RunContext, now: _types.Observation, rest: Iterable[_types.Action]) -> None:
     try:
         second = plan(work.job.name, work.job.desired_state, now)
     except CannotPlan as problem:
@@ -420,31 +397,31 @@ def _compare(work: RunContext, now: Observation, rest: Iterable[Action]) -> None
         names = [f"{verb} {subject}" for (_, verb, subject) in list(remaining_actions)[:_LIST_LIMIT]]
         more = f" and {len(remaining_actions) - _LIST_LIMIT} more" if len(remaining_actions) > _LIST_LIMIT else ""
         raise VerificationError(f"the device did not keep everything; still to do: {'; '.join(names)}{more}")
-    unused_rows = [row for row in invalid(now) if row not in invalid(work.observation)]
+    unused_rows = [row for row in _state.invalid(now) if row not in _state.invalid(work.observation)]
     if unused_rows:
         raise VerificationError(
             f"the device took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
         )
 
 
-def _essence(action: Action) -> tuple[str, str, str]:
+def _essence(action: _types.Action) -> tuple[str, str, str]:
     return (action.menu, action.verb, action.subject)
 
 
-async def _holder(work: RunContext) -> Holder:
+async def _holder(work: RunContext) -> safe_mode.Holder:
     """Return who holds safe mode: the new session has seen that, and where its answer leaves a doubt ours is asked."""
     owner = work.after.facts.safe_mode_owner if work.after is not None else None
     if owner is not None and owner == work.owner:
-        return Holder(is_taken=True, ours=True, who=owner)
+        return safe_mode.Holder(is_taken=True, ours=True, who=owner)
     return await work.safe_mode.look(work.channel)
 
 
-async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> None:
+async def _release(work: RunContext, holder: safe_mode.Holder, *, last: bool = False) -> None:
     """Release, unless somebody has taken safe mode from us meanwhile, or has unrolled it."""
     if not holder.ours:
         raise _lose_protection(work, holder)
     witness = _witness(work)
-    work.record(Releasing(device=work.job.name))
+    work.record(runs.Releasing(device=work.job.name))
     farewell = work.farewell() if last else ()
     look = closing(work.job.counted_ports)
     reads = [each.command for each in witness]
@@ -455,27 +432,27 @@ async def _release(work: RunContext, holder: Holder, *, last: bool = False) -> N
     work.holding = False
     work.signed_off(farewell)
     if not _stands(witness, answers):
-        raise ProtectionLost("somebody took the change back before it was released")
-    work.record(ReleaseRecord(device=work.job.name))
+        raise safe_mode.ProtectionLost("somebody took the change back before it was released")
+    work.record(runs.ReleaseRecord(device=work.job.name))
 
 
 async def _confirm(work: RunContext) -> None:
     """Take the dead-man job away: from here on the change is permanent."""
     if work.dead_man is None:
         return
-    if work.protection is Protection.DEAD_MAN:
-        work.record(Releasing(device=work.job.name))
+    if work.protection is _protection.Protection.DEAD_MAN:
+        work.record(runs.Releasing(device=work.job.name))
     witness = _witness(work)
     farewell = () if work.stages.finish else work.farewell()
     reads = [each.command for each in witness]
-    in_time, answers = await disarm(work.channel, work.dead_man.id, [*reads, *farewell])
+    in_time, answers = await scheduler_jobs.disarm(work.channel, work.dead_man.id, [*reads, *farewell])
     answers = answers[: len(witness)]
     work.dead_man = None
     work.signed_off(farewell)
     if not in_time or not _stands(witness, answers):
-        raise ProtectionLost("the dead-man job has run before it could be taken away")
-    if work.protection is Protection.DEAD_MAN:
-        work.record(ReleaseRecord(device=work.job.name))
+        raise safe_mode.ProtectionLost("the dead-man job has run before it could be taken away")
+    if work.protection is _protection.Protection.DEAD_MAN:
+        work.record(runs.ReleaseRecord(device=work.job.name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -483,20 +460,20 @@ class _Witness:
     """A menu that would tell if the last piece were taken back, read beside the release."""
 
     menu: str
-    after: Observation
+    after: _types.Observation
     is_counted: bool
     """The piece has changed the number of its rows, so that this is enough to know."""
 
     @property
-    def command(self) -> Command:
+    def command(self) -> api.Command:
         """What to ask."""
         return counting_rows(self.menu) if self.is_counted else printing(self.menu)
 
-    def stands(self, reply: Reply) -> bool:
+    def stands(self, reply: api.Reply) -> bool:
         """Tell whether the change is still there. Raises Refused."""
         if self.is_counted:
             return number_of_rows(reply.check()) == len(self.after.rows[self.menu])
-        return not differing(self.after, merge_menus(self.after, (self.menu,), (reply,)))
+        return not _state.differing(self.after, merge_menus(self.after, (self.menu,), (reply,)))
 
 
 def _witness(work: RunContext) -> list[_Witness]:
@@ -507,7 +484,7 @@ def _witness(work: RunContext) -> list[_Witness]:
     last = (*work.stages.pieces[-1:], work.stages.prepare)[0]
     row_changes: Counter[str] = Counter()
     for action in last:
-        row_changes[action.menu] += {Verb.ADD: 1, Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
+        row_changes[action.menu] += {_types.Verb.ADD: 1, _types.Verb.REMOVE: -len(action.ids)}.get(action.verb, 0)
     # Whether a device counts by a query is not known; reading back gets on without that.
     plain = {menu for menu, rows in row_changes.items() if rows and not counting_rows(menu).queries}
     countable_menus = {menu for menu in plain if all(map(MENUS[menu].is_touchable, after.rows[menu]))}
@@ -515,7 +492,7 @@ def _witness(work: RunContext) -> list[_Witness]:
     return [_Witness(menu, after, menu in countable_menus)]
 
 
-def _stands(witness: Sequence[_Witness], answers: Sequence[Reply]) -> bool:
+def _stands(witness: Sequence[_Witness], answers: Sequence[api.Reply]) -> bool:
     return all(each.stands(reply) for each, reply in zip(witness, answers, strict=True))
 
 
@@ -527,7 +504,7 @@ async def _finish(work: RunContext, writer: Writer) -> None:
     """
     observation = work.after or work.observation
     menus = tuple(dict.fromkeys(action.menu for action in work.stages.finish))
-    answers: tuple[Reply, ...] = ()
+    answers: tuple[api.Reply, ...] = ()
     turns = list(writer.turns(work.stages.finish))
     for number, turn in enumerate(turns, start=1):
         farewell = work.farewell() if number == len(turns) else ()
@@ -552,7 +529,7 @@ _FEATURES = {"/ip/proxy": "proxy", "/ip/socks": "socks", "/tool/bandwidth-server
 """Menus that device-mode can forbid (manual, Device-mode)."""
 
 
-def missing(plan: Plan, observation: Observation, *, console: bool = False) -> tuple[str, ...]:
+def missing(plan: _types.Plan, observation: _types.Observation, *, console: bool = False) -> tuple[str, ...]:
     """Return what the device or our user lacks for this plan; `console`: safe mode of an SSH session protects it.
 
     All that is missing is said at once.
@@ -565,7 +542,7 @@ def missing(plan: Plan, observation: Observation, *, console: bool = False) -> t
     )
 
 
-def _policies(facts: Facts, required_policies: Sequence[str]) -> Iterator[str]:
+def _policies(facts: _types.Facts, required_policies: Sequence[str]) -> Iterator[str]:
     if not facts.policies:
         yield "the device does not tell what our user may do: it must be a local user with policy `policy`"
         return
@@ -574,7 +551,7 @@ def _policies(facts: Facts, required_policies: Sequence[str]) -> Iterator[str]:
         yield f"our user may not {', '.join(lacking)}: its group needs these policies"
 
 
-def _certificates(plan: Plan, observation: Observation) -> Iterator[str]:
+def _certificates(plan: _types.Plan, observation: _types.Observation) -> Iterator[str]:
     if CERTIFICATES not in observation.rows:
         return
     there = {row.get("name") for row in observation.rows[CERTIFICATES]}
@@ -585,9 +562,13 @@ def _certificates(plan: Plan, observation: Observation) -> Iterator[str]:
             yield f"{needs}: {_INSTALL.format(plan.device) if action.menu == _TUNNEL else 'import it first'}"
 
 
-def _features(plan: Plan, facts: Facts) -> Iterator[str]:
+def _features(plan: _types.Plan, facts: _types.Facts) -> Iterator[str]:
     for action in plan.actions:
-        if action.menu == SCHEDULER and action.verb is not Verb.REMOVE and (why := forbidden(facts)):
+        if (
+            action.menu == scheduler_jobs.MENU
+            and action.verb is not _types.Verb.REMOVE
+            and (why := scheduler_jobs.forbidden(facts))
+        ):
             yield f"{why}, so the job {action.subject} would never run: allow it with /system device-mode update"
         feature = _FEATURES.get(action.menu)
         is_enabled = dict(action.values).get("enabled") in ("yes", "true")

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.routeros.api import Command, CommandError, Reply, SessionLost
-from atlantis_netcfg.routeros.console.types import Console, ConsoleUnreachable, SafeModeHeld
-from atlantis_netcfg.routeros.safe_mode import Holder, NoSafeMode, ProtectionLost, held_by
+from atlantis_netcfg.routeros import api, safe_mode
+from atlantis_netcfg.routeros.console import types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-_ACTIVE = Command("/user/active/print", ((".proplist", "name,address,via"),))
+_ACTIVE = api.Command("/user/active/print", ((".proplist", "name,address,via"),))
 
 
 _CONSOLES = ("ssh", "console", "telnet", "winbox", "mac-telnet", "local", "web")
@@ -38,7 +37,7 @@ _US = "our SSH session"
 
 
 @dataclass(slots=True)
-class ConsoleSafeMode(NoSafeMode):
+class ConsoleSafeMode(safe_mode.NoSafeMode):
     """Safe mode of an SSH session (Ctrl+X), which is held open while the API session writes.
 
     Who holds it cannot be read over the API before 7.18: our prompt says `<SAFE>`, and a second taker is asked a
@@ -49,70 +48,70 @@ class ConsoleSafeMode(NoSafeMode):
     endpoint: SshEndpoint
     patience_s: float
     """For a console that has fallen silent."""
-    beside: tuple[Command, ...] = field(default=(), init=False)
-    _console: Console | None = field(default=None, init=False)
+    beside: tuple[api.Command, ...] = field(default=(), init=False)
+    _console: types.Console | None = field(default=None, init=False)
 
-    async def take(self, session: Channel) -> Holder:
+    async def take(self, session: Channel) -> safe_mode.Holder:
         """Open the console and take it there."""
         if self._console is None:
             self._console = await in_thread(lambda: self.opener(self.endpoint), undone=lambda console: console.close())
         try:
             await in_thread(self._console.take_safe_mode)
-        except SafeModeHeld:
+        except types.SafeModeHeld:
             await self.drop()
-            raise held_by(await _somebody(session)) from None
+            raise safe_mode.held_by(await _somebody(session)) from None
         except DeviceError:
             await self.drop()
             raise
-        return Holder(is_taken=True, ours=True, who=_US)
+        return safe_mode.Holder(is_taken=True, ours=True, who=_US)
 
-    async def look(self, session: Channel) -> Holder:  # noqa: ARG002 - the console answers
+    async def look(self, session: Channel) -> safe_mode.Holder:  # noqa: ARG002 - the console answers
         """Let the prompt be printed anew."""
         console = self._console
         if console is None:
-            return Holder(is_taken=False)
+            return safe_mode.Holder(is_taken=False)
         try:
             await in_thread(lambda: console.run(_LOOK, timeout_s=self.patience_s))
         except DeviceError:
             await self.drop()
-            return Holder(is_taken=False)
-        return Holder(is_taken=console.safe, ours=console.safe, who=_US)
+            return safe_mode.Holder(is_taken=False)
+        return safe_mode.Holder(is_taken=console.safe, ours=console.safe, who=_US)
 
-    async def release(self, session: Channel, witness: Sequence[Command]) -> list[Reply]:
+    async def release(self, session: Channel, witness: Sequence[api.Command]) -> list[api.Reply]:
         """Ctrl+X again; then what was changed is read, which tells if it was unrolled instead."""
         console = self._console
         if console is None or not console.safe:
-            raise ProtectionLost("safe mode could not be released: its SSH session is over")
+            raise safe_mode.ProtectionLost("safe mode could not be released: its SSH session is over")
         try:
             await in_thread(console.release_safe_mode)
         except DeviceError as failed:
             await self.drop()
-            raise ProtectionLost(f"safe mode could not be released: {failed}") from failed
+            raise safe_mode.ProtectionLost(f"safe mode could not be released: {failed}") from failed
         return await session.flight(witness) if witness else []
 
     async def unroll(self, session: Channel) -> None:  # noqa: ARG002
         """End the console without releasing; `free` tells when the device has undone it."""
         await self.drop()
 
-    async def free(self, session: Channel) -> Holder:
+    async def free(self, session: Channel) -> safe_mode.Holder:
         """Try to take it with a new console, and let go at once: nobody else holds it then."""
         await self.drop()
         try:
             console = await in_thread(
                 lambda: self.opener(self.endpoint), undone=lambda new_console: new_console.close()
             )
-        except ConsoleUnreachable:
-            return Holder(is_taken=True, who="an SSH session of which nothing can be learnt")
+        except types.ConsoleUnreachable:
+            return safe_mode.Holder(is_taken=True, who="an SSH session of which nothing can be learnt")
         try:
             await in_thread(console.take_safe_mode)
             await in_thread(console.release_safe_mode)
-        except SafeModeHeld:
-            return Holder(is_taken=True, who=await _somebody(session))
+        except types.SafeModeHeld:
+            return safe_mode.Holder(is_taken=True, who=await _somebody(session))
         except DeviceError:
-            return Holder(is_taken=True, who="an SSH session that was lost")
+            return safe_mode.Holder(is_taken=True, who="an SSH session that was lost")
         finally:
             await in_thread(console.close)
-        return Holder(is_taken=False)
+        return safe_mode.Holder(is_taken=False)
 
     async def drop(self) -> None:
         """Close the console: with safe mode held its connection is dropped, which keeps nothing."""
@@ -139,7 +138,7 @@ async def _somebody(session: Channel) -> str:
     """Name those who are logged in on a console: safe mode before 7.18 does not say which of them has it."""
     try:
         reply = await session.command(_ACTIVE)
-    except (SessionLost, CommandError):
+    except (api.SessionLost, api.CommandError):
         return "somebody"
     rows = [row for row in reply.rows if row.get("via", "").startswith(_CONSOLES)]
     names = dict.fromkeys(f"{row.get('via')}:{row.get('name')}@{row.get('address') or 'console'}" for row in rows)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.core.events import Event, Stage
-from atlantis_netcfg.routeros.api import WINDOW, CertificateMismatch, CertificateUnknown, Command, LoginError, Traffic
-from atlantis_netcfg.routeros.apply._job import _MENUS, _MISSING, DeviceJob, Unfit
+from atlantis_netcfg.routeros import api
+from atlantis_netcfg.routeros.apply import _job
 from atlantis_netcfg.routeros.safe_mode import Holder, SafeMode
 from atlantis_netcfg.routeros.scheduler_jobs import jobs_of
 
@@ -42,18 +42,18 @@ async def completed_despite_stop(work: Coroutine[Any, Any, _T]) -> tuple[_T, boo
 class Contact:
     """Opens sessions with one device and closes all of them at the end."""
 
-    def __init__(self, job: DeviceJob) -> None:
+    def __init__(self, job: _job.DeviceJob) -> None:
         self.notes: list[str] = []
         """What the result has to say of the sessions."""
         self._job = job
         self._open: list[Channel] = []
-        self._traffic: list[Traffic] = []
+        self._traffic: list[api.Traffic] = []
         self._endpoint = replace(job.endpoint, on_window_shrink=self._shrink_window, opening=self.opening)
 
     @property
-    def traffic(self) -> Traffic:
+    def traffic(self) -> api.Traffic:
         """What all sessions cost so far, also those that ended before the login was over."""
-        return Traffic.total(self._traffic)
+        return api.Traffic.total(self._traffic)
 
     async def open(self) -> Channel:
         """Open a session. Raises what `api.Session.open` raises: one with whom nobody has agreed is told nothing."""
@@ -67,8 +67,8 @@ class Contact:
         A certificate that is not the pinned one ends it at once, for that is another device; so does a refused login,
         unless we `insist`.
         """
-        another = (CertificateMismatch, CertificateUnknown)
-        final = another if insist else (*another, LoginError)
+        another = (api.CertificateMismatch, api.CertificateUnknown)
+        final = another if insist else (*another, api.LoginError)
         failure = DeviceError(f"{self._job.name} was given no time to answer")
         for pause_s in self._pauses(patience_s):
             try:
@@ -92,7 +92,7 @@ class Contact:
             await asyncio.sleep(pause_s)
         return holder
 
-    async def until_fired(self, session: Channel, question: Command, patience_s: float) -> None:
+    async def until_fired(self, session: Channel, question: api.Command, patience_s: float) -> None:
         """Wait until no dead-man job is armed any more."""
         for pause_s in self._pauses(patience_s):
             if not jobs_of((await session.command(question)).rows):
@@ -111,18 +111,18 @@ class Contact:
         sessions, self._open = self._open, []
         await asyncio.gather(*(session.close(wait=wait) for session in sessions))
 
-    def opening(self, traffic: Traffic) -> None:
+    def opening(self, traffic: api.Traffic) -> None:
         """Count a session that is about to be opened."""
         self._traffic.append(traffic)
         self._job.endpoint.opening(traffic)
 
     def _shrink_window(self) -> None:
         """Go on in small batches: the device has fallen silent in a large one."""
-        self._endpoint = replace(self._endpoint, window=WINDOW)
+        self._endpoint = replace(self._endpoint, window=api.WINDOW)
         self._job.endpoint.on_window_shrink()
         self.notes.append(
-            f"the device fell silent with more than {WINDOW} questions at once: it was asked again,"
-            f" and is asked {WINDOW} at once from now on"
+            f"the device fell silent with more than {api.WINDOW} questions at once: it was asked again,"
+            f" and is asked {api.WINDOW} at once from now on"
         )
         self._say(self.notes[-1])
 
@@ -141,17 +141,19 @@ class Contact:
         self._job.events(Event(self._job.name, Stage.WAITING, message))
 
 
-async def choose_variant(channel: Channel, job: DeviceJob) -> DeviceJob:
+async def choose_variant(channel: Channel, job: _job.DeviceJob) -> _job.DeviceJob:
     """Return the job with the state that fits the device; one round trip. Raises Unfit, SessionLost.
 
     A device with radios in both menus gets the state of the first of them that is declared.
     """
     if job.fitting is None:
         return job
-    replies = await channel.flight([Command(f"{menu}/print", ((".proplist", "default-name"),)) for menu in _MENUS])
+    replies = await channel.flight(
+        [api.Command(f"{menu}/print", ((".proplist", "default-name"),)) for menu in _job.RADIO_MENUS]
+    )
     radio_menus = []
-    for menu, reply in zip(_MENUS, replies, strict=True):
-        if reply.trap is not None and reply.trap.message.startswith(_MISSING):
+    for menu, reply in zip(_job.RADIO_MENUS, replies, strict=True):
+        if reply.trap is not None and reply.trap.message.startswith(_job.MISSING):
             continue
         if any(row.get("default-name") for row in reply.check().rows):
             radio_menus.append(menu)
@@ -159,4 +161,4 @@ async def choose_variant(channel: Channel, job: DeviceJob) -> DeviceJob:
         if menu in radio_menus:
             return replace(job, desired_state=state, fitting=None)
     message, hint = job.fitting.why(radio_menus)
-    raise Unfit(message, hint=hint)
+    raise _job.Unfit(message, hint=hint)

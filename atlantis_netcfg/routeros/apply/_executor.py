@@ -11,47 +11,17 @@ from dataclasses import replace
 from itertools import islice
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.routeros import guard, link_use, planner, safe_mode, scheduler_jobs
 from atlantis_netcfg.routeros._types import Verb, is_bare
 from atlantis_netcfg.routeros.api import Unreachable
+from atlantis_netcfg.routeros.apply import _contact, _job, _protection, _state, _work
 from atlantis_netcfg.routeros.apply._change import BEFORE, change, missing, needs_sign, safe_mode_first
-from atlantis_netcfg.routeros.apply._contact import Contact, choose_variant, completed_despite_stop
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
-from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, JobMode, Status, Unfit
-from atlantis_netcfg.routeros.apply._protection import (
-    InterferenceError,
-    Protection,
-    ProtectionChoice,
-    choose,
-    console_safe_mode,
-    safe_mode_of,
-)
 from atlantis_netcfg.routeros.apply._settle import let_go, settle
-from atlantis_netcfg.routeros.apply._state import (
-    SAVING,
-    SIGNS,
-    claimed_by,
-    digest,
-    fetch,
-    invalid,
-    parse_export,
-    plan_hash,
-)
-from atlantis_netcfg.routeros.apply._work import (
-    AGREE_APART,
-    RunContext,
-    build_journal_action,
-    cut,
-    find_missing_consent,
-    look,
-    number_of,
-)
 from atlantis_netcfg.routeros.drift import HISTORY, Comparison, DriftHistory, DriftKind, Past, compare
 from atlantis_netcfg.routeros.estimate import estimate
-from atlantis_netcfg.routeros.guard import MENUS as GUARDED
-from atlantis_netcfg.routeros.guard import WAY_BACK, ManagementPath, moves_answers, objections, touches
-from atlantis_netcfg.routeros.link_use import allow_link_use, in_use, is_order
 from atlantis_netcfg.routeros.observe import (
     BRIEF,
     CERTIFICATES,
@@ -63,9 +33,6 @@ from atlantis_netcfg.routeros.observe import (
     samples,
     with_rows,
 )
-from atlantis_netcfg.routeros.planner import CannotPlan, newer_than_known, plan
-from atlantis_netcfg.routeros.safe_mode import READ, ApiSafeMode, SafeModeUnavailable
-from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, READ_JOBS
 from atlantis_netcfg.runs import DeviceObservation, PlanRecord
 
 if TYPE_CHECKING:
@@ -77,21 +44,21 @@ if TYPE_CHECKING:
 _NO_HISTORY = DriftHistory()
 
 
-async def drift(work: RunContext) -> DeviceResult:
+async def drift(work: _work.RunContext) -> _job.DeviceResult:
     """End with what differs; the device's history costs one round trip, and only where something has drifted."""
     comparison = work.comparison = build_comparison(work)
     if comparison.drift:
         reply = await work.channel.command(HISTORY)
         if reply.trap is None:
             comparison = work.comparison = build_comparison(work, DriftHistory(reply.rows))
-        result = work.result(Status.DRIFTED, _summary(comparison))
+        result = work.result(_job.Status.DRIFTED, _summary(comparison))
     else:
-        result = work.result(Status.UNCHANGED, _as_declared_text(comparison))
+        result = work.result(_job.Status.UNCHANGED, _as_declared_text(comparison))
     # Of the plan's notes only what holds for a look, too: the others are for whoever carries it out.
-    return replace(result, notes=(*newer_than_known(work.observation.facts.version), *work.notes))
+    return replace(result, notes=(*planner.newer_than_known(work.observation.facts.version), *work.notes))
 
 
-def build_comparison(work: RunContext, history: DriftHistory = _NO_HISTORY) -> Comparison:
+def build_comparison(work: _work.RunContext, history: DriftHistory = _NO_HISTORY) -> Comparison:
     """Compare with the declaration, and with the last confirmed state as far as that can be read."""
     comparison = compare(work.job.desired_state, work.observation, work.aim, _past(work), history)
     leftovers = work.leftovers.differences()
@@ -99,11 +66,11 @@ def build_comparison(work: RunContext, history: DriftHistory = _NO_HISTORY) -> C
     return replace(comparison, menus=tuple(menus), differences=(*comparison.differences, *leftovers))
 
 
-def _differs(work: RunContext) -> bool:
+def _differs(work: _work.RunContext) -> bool:
     return bool(work.aim.actions or work.aim.drift)
 
 
-def _past(work: RunContext) -> Past | None:
+def _past(work: _work.RunContext) -> Past | None:
     saved_state = work.job.confirmed_state
     if saved_state is None:
         return None
@@ -111,7 +78,7 @@ def _past(work: RunContext) -> Past | None:
         return Past(saved_state.run, saved_state.at, {})
     try:
         return Past.read(saved_state.run, saved_state.at, saved_state.text())
-    except NetcfgError as error:
+    except errors.NetcfgError as error:
         if str(error) not in work.notes:
             work.notes.append(str(error))
         return None
@@ -134,7 +101,7 @@ def _summary(comparison: Comparison) -> str:
     return f"{len(kinds)} difference{'' if len(kinds) == 1 else 's'} from the declaration: {parts}"
 
 
-_READING = (JobMode.PLAN, JobMode.DRIFT)
+_READING = (_job.JobMode.PLAN, _job.JobMode.DRIFT)
 """Ways that change nothing."""
 _LET_THEM = "let them finish, then run the same command again"
 _STAND_BY = (
@@ -143,29 +110,29 @@ _STAND_BY = (
 )
 
 
-class Busy(DeviceError):
+class Busy(errors.DeviceError):
     """Somebody's changes are still open on the device: not even `no changes needed` would be certain."""
 
 
-class UserInterrupt(DeviceError):
+class UserInterrupt(errors.DeviceError):
     """The person who started the run has stopped it."""
 
 
-async def converge(job: DeviceJob, *, mode: JobMode = JobMode.APPLY) -> DeviceResult:
+async def converge(job: _job.DeviceJob, *, mode: _job.JobMode = _job.JobMode.APPLY) -> _job.DeviceResult:
     """Bring one device to its declared state, or say why not. Never raises but when it is cancelled a second time."""
-    contact = Contact(job)
+    contact = _contact.Contact(job)
     ssh = job.ssh and replace(job.ssh, opening=contact.opening)
-    work = RunContext(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
+    work = _work.RunContext(replace(job, ssh=ssh), contact, asyncio.get_running_loop().time())
     try:
         result = await _run_guarded(work, mode)
     except BaseException:
         await _close(work)
         raise
-    result, is_stopped = await completed_despite_stop(_end(work, result))
+    result, is_stopped = await _contact.completed_despite_stop(_end(work, result))
     return replace(result, is_stopped=True) if is_stopped else result
 
 
-async def _end(work: RunContext, result: DeviceResult) -> DeviceResult:
+async def _end(work: _work.RunContext, result: _job.DeviceResult) -> _job.DeviceResult:
     try:
         await _remove_run_marker(work, result)
         return work.finish(result)
@@ -173,33 +140,33 @@ async def _end(work: RunContext, result: DeviceResult) -> DeviceResult:
         await _close(work)
 
 
-async def _close(work: RunContext) -> None:
+async def _close(work: _work.RunContext) -> None:
     await work.safe_mode.drop()
     await work.contact.close(wait=work.holding)
 
 
-async def _remove_run_marker(work: RunContext, result: DeviceResult) -> None:
+async def _remove_run_marker(work: _work.RunContext, result: _job.DeviceResult) -> None:
     """Release safe mode that nothing was written under, and take the sign of a run down that has failed.
 
     Where that cannot be done both go by themselves.
     """
     if work.holding and not work.has_sent_changes:
         await let_go(work)
-    if work.session is not None and result.status is not Status.UNKNOWN:
-        with suppress(NetcfgError):
+    if work.session is not None and result.status is not _job.Status.UNKNOWN:
+        with suppress(errors.NetcfgError):
             if farewell := work.farewell():
                 await work.session.flight(farewell)
 
 
-async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
+async def _run_guarded(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Run, and turn whatever went wrong into a result."""
     try:
-        return await (_backup(work) if mode is JobMode.BACKUP else _run(work, mode))
-    except (CannotPlan, MenuMissing, Unfit) as refusal:
-        return work.result(Status.REFUSED, str(refusal), hint=refusal.hint)
-    except NetcfgError as failure:
+        return await (_backup(work) if mode is _job.JobMode.BACKUP else _run(work, mode))
+    except (planner.CannotPlan, MenuMissing, _job.Unfit) as refusal:
+        return work.result(_job.Status.REFUSED, str(refusal), hint=refusal.hint)
+    except errors.NetcfgError as failure:
         if mode in _READING:
-            result = work.result(Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
+            result = work.result(_job.Status.LEFT_AS_FOUND, f"could not be read: {failure}", hint=failure.hint)
             return replace(result, was_reached=not isinstance(failure, Unreachable))
         return await settle(work, failure)
     except asyncio.CancelledError:
@@ -207,12 +174,12 @@ async def _run_guarded(work: RunContext, mode: JobMode) -> DeviceResult:
             task.uncancel()
         return replace(await settle(work, UserInterrupt("stopped by hand")), is_stopped=True)
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, the device must not stay between two states
-        result = await settle(work, DeviceError(f"provision itself failed ({type(fault).__name__})"))
-        exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT
+        result = await settle(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
+        exit_ = errors.ExitCode.UNKNOWN if result.status is _job.Status.UNKNOWN else errors.ExitCode.OUR_FAULT
         return replace(result, exit=exit_, fault=fault)
 
 
-async def _run(work: RunContext, mode: JobMode) -> DeviceResult:
+async def _run(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     work.brief = _may_be_brief(work.job, mode)
     await _observe(work, mode)
     if mode in _READING:
@@ -226,12 +193,12 @@ async def _run(work: RunContext, mode: JobMode) -> DeviceResult:
     return _refusal(work, mode) or await _as_declared(work, mode)
 
 
-async def _look(work: RunContext, mode: JobMode) -> DeviceResult:
+async def _look(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Say what a run would do, or what differs, and what is armed or open."""
     await _plan(work, mode)
     work.busy = "; ".join(work.leftovers.words())
     work.notes += [f"{words}: what was changed meanwhile may yet be taken back" for words in work.leftovers.words()]
-    if mode is JobMode.DRIFT:
+    if mode is _job.JobMode.DRIFT:
         _cost_policy(work, mode)
         return await drift(work)
     refusal = _refusal(work, mode)
@@ -239,7 +206,7 @@ async def _look(work: RunContext, mode: JobMode) -> DeviceResult:
     return _build_plan_result(work) if refusal is None else replace(refusal, comparison=work.comparison)
 
 
-def _refusal(work: RunContext, mode: JobMode) -> DeviceResult | None:
+def _refusal(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
     """Return why the plan may not be carried out; None: it may."""
     refusal = _cost_policy(work, mode)
     if refusal is None and work.aim.actions:
@@ -247,109 +214,111 @@ def _refusal(work: RunContext, mode: JobMode) -> DeviceResult | None:
     return refusal
 
 
-async def _as_declared(work: RunContext, mode: JobMode) -> DeviceResult:
+async def _as_declared(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult:
     """Take away what runs that are over have left, and carry the plan out."""
     removed_items = await _clear(work, mode)
     if work.aim.actions:
         return await _change(work)
     if removed_items:
         work.after = work.observation
-        return work.result(Status.CHANGED, f"as declared; removed {' and '.join(removed_items)}")
-    return work.result(Status.UNCHANGED, "no changes needed")
+        return work.result(_job.Status.CHANGED, f"as declared; removed {' and '.join(removed_items)}")
+    return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
-def _build_plan_result(work: RunContext) -> DeviceResult:
+def _build_plan_result(work: _work.RunContext) -> _job.DeviceResult:
     """Say what a run would do; one that finds somebody at work would do nothing."""
     words = "; ".join(work.leftovers.words())
     if work.aim.actions:
-        return work.result(Status.PLANNED, f"{_actions(work)} planned")
+        return work.result(_job.Status.PLANNED, f"{_actions(work)} planned")
     if work.leftovers.safe_mode is not None:
-        return work.result(Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
+        return work.result(_job.Status.LEFT_AS_FOUND, f"nothing to change, but {words}", hint=_LET_THEM)
     if words:
-        return work.result(Status.PLANNED, f"nothing to change but what a run has left: {words}")
-    return work.result(Status.UNCHANGED, "no changes needed")
+        return work.result(_job.Status.PLANNED, f"nothing to change but what a run has left: {words}")
+    return work.result(_job.Status.UNCHANGED, "no changes needed")
 
 
-async def _observe(work: RunContext, mode: JobMode) -> None:
+async def _observe(work: _work.RunContext, mode: _job.JobMode) -> None:
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
-    if mode is JobMode.RESUME:
+    if mode is _job.JobMode.RESUME:
         await _until_undone(work)
     await _read_fitting(work)
 
 
-async def _read_fitting(work: RunContext) -> None:
+async def _read_fitting(work: _work.RunContext) -> None:
     """Read what the state that fits the device needs. Raises Unfit, MenuMissing, SessionLost.
 
     Where there is one state, it is read as if it fitted, which saves the round trip of asking for the device's radios.
     """
     fitting = work.job.fitting
     if fitting is None or len(fitting.states) > 1:
-        work.job = await choose_variant(work.channel, work.job)
+        work.job = await _contact.choose_variant(work.channel, work.job)
         await _read(work)
         return
     (menu,) = fitting.states
     try:
         await _read(work)
     except MenuMissing:
-        await choose_variant(work.channel, work.job)  # says so if it is that of the radio
+        await _contact.choose_variant(work.channel, work.job)  # says so if it is that of the radio
         raise
     if menu not in work.job.desired_state.menus or any(row.get("default-name") for row in work.observation.rows[menu]):
         work.job = replace(work.job, fitting=None)
     else:
-        work.job = await choose_variant(work.channel, work.job)
+        work.job = await _contact.choose_variant(work.channel, work.job)
 
 
-def _may_be_brief(job: DeviceJob, mode: JobMode) -> bool:
+def _may_be_brief(job: _job.DeviceJob, mode: _job.JobMode) -> bool:
     """Tell whether rows of others need only be counted: where no run can go on to remove them, and nobody wants all."""
-    return mode in (JobMode.PLAN, JobMode.APPLY) and not job.remove_foreign
+    return mode in (_job.JobMode.PLAN, _job.JobMode.APPLY) and not job.remove_foreign
 
 
-async def _read(work: RunContext) -> None:
+async def _read(work: _work.RunContext) -> None:
     """Read everything that a plan needs, and what is armed or open."""
     job = work.job
     watched_menus = (
-        [*WAY_BACK, SIGNS] if is_order(job.desired_state) else [path for path in GUARDED if path not in LATER]
+        [*guard.WAY_BACK, _state.SIGNS]
+        if link_use.is_order(job.desired_state)
+        else [path for path in guard.MENUS if path not in LATER]
     )
     brief = [path for path in BRIEF if work.brief and path in job.desired_state.entire]
     work.before = await observe(
         work.channel, job.endpoint, job.desired_state.menus, watched_menus, job.counted_ports, brief=brief
     )
-    work.leftovers = look(work.before)
-    work.job = replace(job, desired_state=allow_link_use(job.desired_state, work.before))
-    use = in_use(work.before.jobs)
+    work.leftovers = _work.look(work.before)
+    work.job = replace(job, desired_state=link_use.allow_link_use(job.desired_state, work.before))
+    use = link_use.in_use(work.before.jobs)
     if use is not None and not any(note.startswith(f"{use.link} is in use") for note in work.notes):
         work.notes.append(use.words(work.before.uptime_s))
     facts = work.before.facts
     work.record(
         DeviceObservation(
-            device=job.name, version=str(facts.version), identity=facts.identity, state=digest(work.before)
+            device=job.name, version=str(facts.version), identity=facts.identity, state=_state.digest(work.before)
         )
     )
     work.say(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}")
 
 
-async def _plan(work: RunContext, mode: JobMode) -> None:
+async def _plan(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Plan from what was read; where something is to change, from what has to be known then, too."""
     job = work.job
-    work.plan = plan(job.name, job.desired_state, work.observation)
+    work.plan = planner.plan(job.name, job.desired_state, work.observation)
     if work.plan.actions:
         await _complete(work, mode)
-        work.plan = plan(job.name, job.desired_state, work.observation)
+        work.plan = planner.plan(job.name, job.desired_state, work.observation)
         if not _is_read_enough(work):
             work.early = ()
             work.before = await read_bare(work.channel, work.observation)
-            work.plan = plan(job.name, job.desired_state, work.observation)
+            work.plan = planner.plan(job.name, job.desired_state, work.observation)
         await _examine(work, mode)
     if job.bearer is not None:
         work.estimate = estimate(work.plan, job.bearer, work.observation)
     _protect(work)
-    unused_notes = [f"the device does not use {row}" for row in invalid(work.observation)]
+    unused_notes = [f"the device does not use {row}" for row in _state.invalid(work.observation)]
     work.notes += [note for note in unused_notes if note not in work.notes]
     work.say(Stage.PLANNED, f"{_actions(work)}" if work.plan.actions else "nothing to change")
 
 
-def _is_read_enough(work: RunContext) -> bool:
+def _is_read_enough(work: _work.RunContext) -> bool:
     """Tell whether the plan would be the same, and judged the same, if the rows that are bare had been read whole.
 
     Given up: what they hold is neither shown nor compared with the last confirmed state, but for a few of them.
@@ -361,11 +330,11 @@ def _is_read_enough(work: RunContext) -> bool:
     return (
         removed_alone
         and work.observation.facts.has_safe_mode
-        and not objections(work.aim, work.observation, _path(work))
+        and not guard.objections(work.aim, work.observation, _path(work))
     )
 
 
-async def _complete(work: RunContext, mode: JobMode) -> None:
+async def _complete(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Read what has to be known before a change; safe mode is taken in the same round trip, if the change wants it.
 
     Should the change then be refused, nothing was written under it, and it is released. Whether somebody else holds it
@@ -374,7 +343,7 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
     """
     _protect(work)
     takes = mode not in _READING and not work.leftovers and not work.holding and safe_mode_first(work)
-    takes = takes and not find_missing_consent(work.job, work.aim)
+    takes = takes and not _work.find_missing_consent(work.job, work.aim)
     work.holding = work.holding or takes
     commands, sample_commands = _questions(work, mode), samples(work.observation)
     first = BEFORE if takes and not needs_sign(work) and _may_go_on(work, mode) else ()
@@ -392,100 +361,104 @@ async def _complete(work: RunContext, mode: JobMode) -> None:
             round_trips = work.channel.traffic.round_trips
             work.owner = (await work.safe_mode.confirm_take(work.channel, taking)).who
             work.early = work.early if work.channel.traffic.round_trips == round_trips else ()
-        except SafeModeUnavailable:
+        except safe_mode.SafeModeUnavailable:
             work.holding = False
 
 
-def _later(work: RunContext) -> Sequence[str]:
+def _later(work: _work.RunContext) -> Sequence[str]:
     """Menus of which it is known by now that the plan has to be judged by them."""
-    if is_order(work.job.desired_state) and moves_answers(work.aim, work.observation, _path(work)):
-        return GUARDED
+    if link_use.is_order(work.job.desired_state) and guard.moves_answers(work.aim, work.observation, _path(work)):
+        return guard.MENUS
     value_names = {name for action in work.aim.actions for name, _ in action.values}
     return [path for path in LATER if path != CERTIFICATES or "certificate" in value_names]
 
 
-def _questions(work: RunContext, mode: JobMode) -> tuple[Command, ...]:
+def _questions(work: _work.RunContext, mode: _job.JobMode) -> tuple[Command, ...]:
     """What the device's parser is asked of the plan; nothing where no plan is sent, or where its cost is refused."""
-    if mode is JobMode.DRIFT or _is_too_dear(work, mode):
+    if mode is _job.JobMode.DRIFT or _is_too_dear(work, mode):
         return ()
     return work.examination.questions(work.aim.actions, work.observation.rows)
 
 
-def _is_too_dear(work: RunContext, mode: JobMode) -> bool:
+def _is_too_dear(work: _work.RunContext, mode: _job.JobMode) -> bool:
     if work.job.cost_policy is None or work.job.bearer is None:
         return False
     cost = estimate(work.aim, work.job.bearer, work.observation)
-    is_plan = mode is JobMode.PLAN
+    is_plan = mode is _job.JobMode.PLAN
     return work.job.cost_policy.judge(work.observation, cost, spends=True, is_plan=is_plan).refusal is not None
 
 
-def _may_go_on(work: RunContext, mode: JobMode) -> bool:
+def _may_go_on(work: _work.RunContext, mode: _job.JobMode) -> bool:
     """Tell whether nothing that was read so far speaks against the plan."""
-    has_consent = work.job.agreed_hash in (None, plan_hash(work.aim))
-    return has_consent and not _is_too_dear(work, mode) and not objections(work.aim, work.observation, _path(work))
+    has_consent = work.job.agreed_hash in (None, _state.plan_hash(work.aim))
+    return (
+        has_consent and not _is_too_dear(work, mode) and not guard.objections(work.aim, work.observation, _path(work))
+    )
 
 
-async def _examine(work: RunContext, mode: JobMode) -> None:
+async def _examine(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Ask what has not been asked: of actions that came to be planned meanwhile, and whole lists of values."""
     while commands := _questions(work, mode):
         work.early = ()
         work.examination.read_answers(await work.channel.flight(commands))
     doubt = work.examination.doubt(work.aim.actions)
-    if doubt and doubt not in work.notes and mode is not JobMode.DRIFT:
+    if doubt and doubt not in work.notes and mode is not _job.JobMode.DRIFT:
         work.notes.append(doubt)
 
 
-def _cost_policy(work: RunContext, mode: JobMode) -> DeviceResult | None:
+def _cost_policy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
     """Ask whether the run may cost what it would, from what was read; where nothing more is sent, that is only told."""
     if work.job.cost_policy is None:
         return None
-    spends = bool(work.aim.actions) and mode is not JobMode.DRIFT
-    verdict = work.job.cost_policy.judge(work.observation, work.estimate, spends=spends, is_plan=mode is JobMode.PLAN)
+    spends = bool(work.aim.actions) and mode is not _job.JobMode.DRIFT
+    verdict = work.job.cost_policy.judge(
+        work.observation, work.estimate, spends=spends, is_plan=mode is _job.JobMode.PLAN
+    )
     for note in verdict.notes:
         work.notes.append(note)
         work.say(Stage.PLANNED, note)
     if verdict.refusal is None:
         return None
-    return work.result(Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
+    return work.result(_job.Status.REFUSED, f"refused, nothing was changed: {verdict.refusal}", hint=verdict.hint)
 
 
-def _judge(work: RunContext, mode: JobMode) -> DeviceResult | None:
+def _judge(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
     """Return the refusal of a plan that may not be carried out."""
     current_plan = work.aim
-    lacking = missing(current_plan, work.observation, console=work.protection is Protection.CONSOLE)
-    reasons, hint = [*objections(current_plan, work.observation, _path(work)), *lacking], None
+    lacking = missing(current_plan, work.observation, console=work.protection is _protection.Protection.CONSOLE)
+    reasons, hint = [*guard.objections(current_plan, work.observation, _path(work)), *lacking], None
     reasons += work.examination.objections(current_plan.actions, work.job.desired_state.source)
-    if work.protection is Protection.NONE and not all(action.inert for action in current_plan.actions):
+    if work.protection is _protection.Protection.NONE and not all(action.inert for action in current_plan.actions):
         if work.job.allows_unprotected:
             work.notes.append("nothing protects this change: what goes wrong has to be repaired by a person")
         else:
             reasons.append(_describe_no_protection(work))
             hint = _STAND_BY
     if reasons:
-        return work.result(Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
-    if mode is JobMode.PLAN:
+        return work.result(_job.Status.REFUSED, "refused, nothing was changed: " + "; ".join(reasons), hint=hint)
+    if mode is _job.JobMode.PLAN:
         return None
-    if apart := find_missing_consent(work.job, current_plan):
-        return work.result(Status.REFUSED, f"refused, nothing was changed: {apart}", hint=AGREE_APART)
-    if work.job.agreed_hash is not None and work.job.agreed_hash != plan_hash(current_plan):
+    if apart := _work.find_missing_consent(work.job, current_plan):
+        return work.result(_job.Status.REFUSED, f"refused, nothing was changed: {apart}", hint=_work.AGREE_APART)
+    if work.job.agreed_hash is not None and work.job.agreed_hash != _state.plan_hash(current_plan):
         return work.result(
-            Status.REFUSED,
+            _job.Status.REFUSED,
             "the device has changed since the plan was shown: nothing was changed",
             hint="look at the new plan and agree to it",
         )
     return None
 
 
-def _describe_no_protection(work: RunContext) -> str:
+def _describe_no_protection(work: _work.RunContext) -> str:
     local = (
         " and touches the way by which the device is managed"
-        if touches(work.aim, work.observation, _path(work))
+        if guard.touches(work.aim, work.observation, _path(work))
         else ""
     )
     return f"nothing would take this change back if it went wrong: {work.choice.why}; it moves traffic{local}"
 
 
-def _protect(work: RunContext) -> None:
+def _protect(work: _work.RunContext) -> None:
     """Choose what takes the change back, and cut the plan for it."""
     facts, job, current_plan = work.observation.facts, work.job, work.aim
     why = None
@@ -495,21 +468,23 @@ def _protect(work: RunContext) -> None:
         except CannotInvert as problem:
             why = str(problem)
     seconds = work.estimate.seconds if work.estimate is not None else 0.0
-    work.choice = choose(current_plan, facts, job, invertible=why, seconds=seconds)
-    work.stages = cut(current_plan, work.protection)
+    work.choice = _protection.choose(current_plan, facts, job, invertible=why, seconds=seconds)
+    work.stages = _work.cut(current_plan, work.protection)
     if work.protection.holds and not work.stages.pieces:
-        work.choice = ProtectionChoice(Protection.NONE, why="nothing in it can do harm by itself")
-        work.stages = cut(current_plan, Protection.NONE)
+        work.choice = _protection.ProtectionChoice(
+            _protection.Protection.NONE, why="nothing in it can do harm by itself"
+        )
+        work.stages = _work.cut(current_plan, _protection.Protection.NONE)
     if not work.holding:
-        work.safe_mode = safe_mode_of(work.choice, job)
+        work.safe_mode = _protection.safe_mode_of(work.choice, job)
 
 
-async def _refuse_if_busy(work: RunContext, mode: JobMode) -> DeviceResult | None:
+async def _refuse_if_busy(work: _work.RunContext, mode: _job.JobMode) -> _job.DeviceResult | None:
     """Return the refusal of a device on which somebody's changes are still open.
 
     What a dead run of this computer has left is waited for, and its sign is ours from here on.
     """
-    resumes = mode is JobMode.RESUME
+    resumes = mode is _job.JobMode.RESUME
     busy = await _busy(work, resumes=resumes)
     if busy is not None and not resumes and work.job.history.has_unfinished_run():
         work.say(Stage.WAITING, f"{busy}: a run of this computer has died here, and this one goes on with it")
@@ -518,19 +493,19 @@ async def _refuse_if_busy(work: RunContext, mode: JobMode) -> DeviceResult | Non
         busy = await _busy(work, resumes=True)
     work.busy = str(busy) if busy is not None else ""
     if busy is not None:
-        return work.result(Status.LEFT_AS_FOUND, f"{busy}: nothing was changed", hint=busy.hint)
+        return work.result(_job.Status.LEFT_AS_FOUND, f"{busy}: nothing was changed", hint=busy.hint)
     work.sign = next((sign.id for sign in work.leftovers.markers), None)
     return None
 
 
-async def _busy(work: RunContext, *, resumes: bool) -> Busy | None:
+async def _busy(work: _work.RunContext, *, resumes: bool) -> Busy | None:
     """Say who may be at work on the device; None if nobody is, whatever a run that is over has left."""
     leftovers, resume = work.leftovers, f"provision resume site={work.job.site}"
     owner = leftovers.safe_mode
     other = work.signer.other(leftovers.markers)
     alive = leftovers.alive(work.signer.is_over, bridge=False)
     if owner is None and other is None and leftovers and not work.observation.facts.has_safe_mode:
-        holder = await console_safe_mode(work.job).free(work.channel)
+        holder = await _protection.console_safe_mode(work.job).free(work.channel)
         owner = holder.who if holder.is_taken else None
     if owner is not None:
         return Busy(
@@ -539,81 +514,87 @@ async def _busy(work: RunContext, *, resumes: bool) -> Busy | None:
             f" itself, which this waits for:  {resume}",
         )
     if other is not None:
-        conflict = claimed_by(other, work.job.site)
+        conflict = _state.claimed_by(other, work.job.site)
         return Busy(str(conflict), hint=conflict.hint)
     if alive is not None and not resumes:
         return Busy(alive, hint=f"let it run, then run the same command again; this waits for it:  {resume}")
     return None
 
 
-async def _until_undone(work: RunContext) -> None:
+async def _until_undone(work: _work.RunContext) -> None:
     """Wait until safe mode of a run that has died is over, and the device has taken back what was in it."""
     job, session = work.job, work.channel
-    reply = await session.command(READ)
-    work.safe_mode = ApiSafeMode() if reply.trap is None else console_safe_mode(job)
+    reply = await session.command(safe_mode.READ)
+    work.safe_mode = safe_mode.ApiSafeMode() if reply.trap is None else _protection.console_safe_mode(job)
     await work.contact.until_free(work.safe_mode, session, job.patience.undo_s)
 
 
-def _has_to_run(work: RunContext) -> bool:
+def _has_to_run(work: _work.RunContext) -> bool:
     """Tell whether a dead-man job is armed that may not be taken away: what it takes back is not as declared."""
-    job = work.leftovers.find_job(DEAD_MAN)
+    job = work.leftovers.find_job(scheduler_jobs.DEAD_MAN)
     return job is not None and (bool(work.aim.actions) or not work.signer.is_over(job.owner))
 
 
-async def _taken_back(work: RunContext, mode: JobMode) -> None:
+async def _taken_back(work: _work.RunContext, mode: _job.JobMode) -> None:
     """Wait until the dead-man job of a run that has died has run: what that run has left is not as declared."""
     patience = work.job.patience
-    await work.contact.until_fired(work.channel, READ_JOBS, patience.undo_s + 2 * patience.dead_man_s)
+    await work.contact.until_fired(work.channel, scheduler_jobs.READ_JOBS, patience.undo_s + 2 * patience.dead_man_s)
     await _read(work)
     await _plan(work, mode)
 
 
-async def _clear(work: RunContext, mode: JobMode) -> tuple[str, ...]:
+async def _clear(work: _work.RunContext, mode: _job.JobMode) -> tuple[str, ...]:
     """Take away what runs that are over have left, and read the device anew: a job may have run meanwhile.
 
     A bridge's job stays: whether it is still needed, only a run that sees both ends knows.
     """
-    leftovers = replace(work.leftovers, jobs=tuple(job for job in work.leftovers.jobs if job.name != PAIR))
+    leftovers = replace(
+        work.leftovers, jobs=tuple(job for job in work.leftovers.jobs if job.name != scheduler_jobs.PAIR)
+    )
     if not leftovers:
         return ()
-    planned_before = plan_hash(work.aim)
+    planned_before = _state.plan_hash(work.aim)
     removed_items = await leftovers.remove(work.channel)
     work.sign = None
     work.notes.append(f"removed {' and '.join(removed_items)}")
     await _read(work)
     await _plan(work, mode)
-    if plan_hash(work.aim) != planned_before:
-        raise InterferenceError(
+    if _state.plan_hash(work.aim) != planned_before:
+        raise _protection.InterferenceError(
             f"the device has become another while {' and '.join(removed_items)} went",
             hint="run the same command again: it plans from what is there now",
         )
     return removed_items
 
 
-def _path(work: RunContext) -> ManagementPath:
+def _path(work: _work.RunContext) -> guard.ManagementPath:
     job, facts = work.job, work.observation.facts
-    return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
+    return guard.ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
 
-async def _change(work: RunContext) -> DeviceResult:
+async def _change(work: _work.RunContext) -> _job.DeviceResult:
     actions = work.aim.actions
     work.record(
-        PlanRecord(device=work.job.name, plan=plan_hash(work.aim), actions=tuple(map(build_journal_action, actions)))
+        PlanRecord(
+            device=work.job.name,
+            plan=_state.plan_hash(work.aim),
+            actions=tuple(map(_work.build_journal_action, actions)),
+        )
     )
     await change(work)
-    return work.result(Status.CHANGED, f"{_actions(work)} applied and verified")
+    return work.result(_job.Status.CHANGED, f"{_actions(work)} applied and verified")
 
 
-async def _backup(work: RunContext) -> DeviceResult:
+async def _backup(work: _work.RunContext) -> _job.DeviceResult:
     """Save the device's own text of its state, and change nothing."""
     work.say(Stage.CONNECTING, f"to {work.job.endpoint}", work.job.endpoint.connect_timeout_s)
     work.session = await work.contact.open()
-    saved_export = parse_export(*await work.session.flight(SAVING))
-    text = saved_export.text if saved_export.text is not None else await fetch(work.session)
+    saved_export = _state.parse_export(*await work.session.flight(_state.SAVING))
+    text = saved_export.text if saved_export.text is not None else await _state.fetch(work.session)
     work.job.journal.save(work.job.name, text)
     lines = text.count("\n")
-    return work.result(Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
+    return work.result(_job.Status.UNCHANGED, f"{lines} lines saved; secrets and users are not in them")
 
 
-def _actions(work: RunContext) -> str:
-    return number_of(work.aim)
+def _actions(work: _work.RunContext) -> str:
+    return _work.number_of(work.aim)

@@ -14,11 +14,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, Row, Verb
+from atlantis_netcfg.routeros import _types, planner
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.commands import console
 from atlantis_netcfg.routeros.menus import MENUS, Menu
-from atlantis_netcfg.routeros.planner import CannotPlan, after, plan, simulate
 from atlantis_netcfg.routeros.rsc import quote
 
 if TYPE_CHECKING:
@@ -36,20 +35,22 @@ class CannotInvert(DeviceError):
     """No script can take this plan back."""
 
 
-def inverse(observation: Observation, aim: Plan, *, with_secrets: bool = False) -> str:
+def inverse(observation: _types.Observation, aim: _types.Plan, *, with_secrets: bool = False) -> str:
     """Return the lines that undo any part of `aim` on the device as `observation` shows it. Raises CannotInvert.
 
     `with_secrets`: in clear, as the rows themselves hold them. The far end of a bridge needs that: a key that stayed
     new at one end would keep the link away.
     """
-    then = Observation(observation.facts, simulate(observation.rows, aim))
+    then = _types.Observation(observation.facts, planner.simulate(observation.rows, aim))
     try:
-        back = plan(aim.device, restoring(observation), then).actions
-    except CannotPlan as problem:
+        back = planner.plan(aim.device, restoring(observation), then).actions
+    except planner.CannotPlan as problem:
         raise CannotInvert(f"the way back cannot be planned: {problem}") from problem
     # Names of ports go back first, so that every line below speaks of them as they were.
-    then = Observation(observation.facts, after(then.rows, [each for each in back if each.layer is Layer.NAMES]))
-    back = tuple(each for each in back if each.layer is not Layer.NAMES)
+    then = _types.Observation(
+        observation.facts, planner.after(then.rows, [each for each in back if each.layer is _types.Layer.NAMES])
+    )
+    back = tuple(each for each in back if each.layer is not _types.Layer.NAMES)
     changes = _changes(back, observation, then, with_secrets=with_secrets)
     lines = [*_names(aim.actions, observation), *changes, *_orders(back, aim.actions, observation, then)]
     text = "".join(f"{line}\n" for line in lines)
@@ -58,22 +59,22 @@ def inverse(observation: Observation, aim: Plan, *, with_secrets: bool = False) 
     return text
 
 
-def _names(forth: Sequence[Action], observation: Observation) -> list[str]:
+def _names(forth: Sequence[_types.Action], observation: _types.Observation) -> list[str]:
     """Give ports their names back, step by step: of two that have swapped theirs, one went round by another name."""
     lines: list[str] = []
     rows = observation.rows
-    for action in (each for each in forth if each.layer is Layer.NAMES):
+    for action in (each for each in forth if each.layer is _types.Layer.NAMES):
         names = [row["name"] for row in rows[action.menu] if row.get(".id") in action.ids]
         lines[:0] = [
             _ignore_errors(f"{MENUS[action.menu].title} set {row_id} name={quote(name)}")
             for row_id, name in zip(action.ids, names, strict=True)
         ]
-        rows = after(rows, (action,))
+        rows = planner.after(rows, (action,))
     return lines
 
 
 def _changes(
-    back: Sequence[Action], observation: Observation, then: Observation, *, with_secrets: bool
+    back: Sequence[_types.Action], observation: _types.Observation, then: _types.Observation, *, with_secrets: bool
 ) -> Iterator[str]:
     removed_rows = {
         path: [row for row in rows if row.get(".id", "") not in _ids(then.rows[path])]
@@ -85,28 +86,30 @@ def _changes(
             raise CannotInvert("the way back would hold a password in clear")
         if not all(secret.strip("*") for secret in secrets):
             raise CannotInvert(f"a secret of {action.subject} cannot be read, and so not written back")
-        if action.verb is Verb.REMOVE:
+        if action.verb is _types.Verb.REMOVE:
             yield from (_render_removal(action, row_id, observation, then) for row_id in action.ids)
-        elif action.verb is Verb.ADD:
+        elif action.verb is _types.Verb.ADD:
             yield _added_again(
                 action, removed_rows[action.menu], (*observation.rows[action.menu], *then.rows[action.menu])
             )
-        elif action.verb is Verb.SET:
+        elif action.verb is _types.Verb.SET:
             yield _ignore_errors(_line(action))
 
 
-def _ids(rows: Sequence[Row]) -> frozenset[str]:
+def _ids(rows: Sequence[_types.Row]) -> frozenset[str]:
     return frozenset(row.get(".id", "") for row in rows)
 
 
-def _render_removal(action: Action, row_id: str, observation: Observation, then: Observation) -> str:
+def _render_removal(
+    action: _types.Action, row_id: str, observation: _types.Observation, then: _types.Observation
+) -> str:
     menu = MENUS[action.menu]
     row = next(each for each in then.rows[action.menu] if each[".id"] == row_id)
     condition = _condition(menu, row, observation.rows.get(action.menu, ()))
     return _ignore_errors(f"{menu.title} remove [find {condition}]")
 
 
-def _added_again(action: Action, removed_rows: list[Row], known_rows: Sequence[Row]) -> str:
+def _added_again(action: _types.Action, removed_rows: list[_types.Row], known_rows: Sequence[_types.Row]) -> str:
     """Add a row again that the plan removes, unless it is still there, or again."""
     menu, values = MENUS[action.menu], dict(action.values)
     removed_row = next(
@@ -121,11 +124,14 @@ def _added_again(action: Action, removed_rows: list[Row], known_rows: Sequence[R
 
 
 def _orders(
-    back: Sequence[Action], forth: Sequence[Action], observation: Observation, then: Observation
+    back: Sequence[_types.Action],
+    forth: Sequence[_types.Action],
+    observation: _types.Observation,
+    then: _types.Observation,
 ) -> Iterator[str]:
     """Put every row of a reordered first-match menu where it stood."""
-    reordered_menus = {action.menu for action in back if action.verb in (Verb.ADD, Verb.MOVE)}
-    reordered_menus |= {action.menu for action in forth if action.verb is Verb.MOVE}
+    reordered_menus = {action.menu for action in back if action.verb in (_types.Verb.ADD, _types.Verb.MOVE)}
+    reordered_menus |= {action.menu for action in forth if action.verb is _types.Verb.MOVE}
     for path in sorted(path for path in reordered_menus if MENUS[path].is_ordered):
         menu = MENUS[path]
         rows = [row for row in observation.rows[path] if menu.is_touchable(row)]
@@ -136,7 +142,7 @@ def _orders(
             yield _ignore_errors(f"{menu.title} move {which}")
 
 
-def _condition(menu: Menu, row: Row, others: Sequence[Row]) -> str:
+def _condition(menu: Menu, row: _types.Row, others: Sequence[_types.Row]) -> str:
     """Return the shortest condition that is true of this row and of none of the others. Raises CannotInvert."""
     readable = [each.name for each in menu.fields if not each.unread and not each.secret and row.get(each.name)]
     rivals = [other for other in others if menu.is_touchable(other)]
@@ -157,7 +163,7 @@ def _quote_operand(value: str) -> str:
     return f'"{text}"' if text == value and set("/:") & set(value) else text
 
 
-def _line(action: Action) -> str:
+def _line(action: _types.Action) -> str:
     menu = MENUS[action.menu]
     return f"{menu.title} {console(action).removeprefix(f'{action.menu}/')}"
 

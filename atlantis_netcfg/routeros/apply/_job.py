@@ -9,25 +9,19 @@ from functools import partial
 from secrets import token_hex
 from typing import TYPE_CHECKING, Any, Protocol
 
-from atlantis_netcfg.core.errors import ExitCode
+from atlantis_netcfg import runs
+from atlantis_netcfg.core.errors import DeviceError, ExitCode
 from atlantis_netcfg.core.events import Subscriber, ignore
-from atlantis_netcfg.routeros.api import Endpoint, Session, Traffic
-from atlantis_netcfg.runs import NoJournal, Recorder, SavedState
-
-if TYPE_CHECKING:
-    from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.routeros._items import DesiredState
-    from atlantis_netcfg.routeros._types import Drift, Facts, Observation, PortCounts
-    from atlantis_netcfg.routeros.console.types import Console
-    from atlantis_netcfg.routeros.drift import Comparison
-    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros.api._values import Channel
 
 if TYPE_CHECKING:
+    from atlantis_netcfg.core.secret import Secret
+    from atlantis_netcfg.routeros import _types
     from atlantis_netcfg.routeros._items import DesiredState
+    from atlantis_netcfg.routeros.console.types import Console
+    from atlantis_netcfg.routeros.drift import Comparison
+    from atlantis_netcfg.routeros.estimate import BearerProfile, Estimate
 
 
 class JobMode(StrEnum):
@@ -97,7 +91,7 @@ class NoHistory:
         return False
 
 
-Connect = Callable[[Endpoint], Awaitable[Channel]]
+Connect = Callable[[api.Endpoint], Awaitable[Channel]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +104,7 @@ class SshEndpoint:
     password: Secret
     pin: str | None
     """The host key as OpenSSH prints it, `SHA256:...`; None if it was never met over SSH."""
-    opening: Callable[[Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
+    opening: Callable[[api.Traffic], object] = field(default=lambda _traffic: None, repr=False, compare=False)
     """As that of the API's endpoint."""
 
 
@@ -121,7 +115,7 @@ def open_console(endpoint: SshEndpoint) -> Console:
     """Log in over SSH; blocks. Raises what `console.open_ssh` raises."""
     from atlantis_netcfg.routeros.console.ssh import open_ssh  # noqa: PLC0415 - the SSH client is heavy, and seldom needed
 
-    traffic = Traffic()
+    traffic = api.Traffic()
     endpoint.opening(traffic)
     host, port = endpoint.host, endpoint.port
     return open_ssh(host, port, endpoint.user, endpoint.password, pin=endpoint.pin, tally=traffic)
@@ -152,7 +146,7 @@ class DeviceJob:
     """One device and everything that a run on it needs."""
 
     name: str
-    endpoint: Endpoint
+    endpoint: api.Endpoint
     desired_state: DesiredState
     """With `fitting`, what is taken for granted until the device has been asked."""
     fitting: StateVariants | None = None
@@ -163,13 +157,13 @@ class DeviceJob:
     bearer: BearerProfile | None = None
     """What the session runs over, for the estimate; None: no estimate."""
     events: Subscriber = ignore
-    journal: Recorder = field(default_factory=NoJournal)
+    journal: runs.Recorder = field(default_factory=runs.NoJournal)
     agreed_hash: str | None = None
     """Hash of the plan that a person has agreed to: another one is not applied."""
-    confirmed_state: SavedState | None = None
+    confirmed_state: runs.SavedState | None = None
     """The state that a run has read back last, to say since when something differs."""
     patience: Patience = Patience()
-    connect: Connect = Session.open
+    connect: Connect = api.Session.open
     ssh: SshEndpoint | None = None
     """The device's console; None: it has none that we may use."""
     console: OpenConsole = open_console
@@ -186,7 +180,7 @@ class DeviceJob:
     """Ports whose byte counters are read along, where that costs no round trip."""
     cost_policy: CostPolicy | None = None
     """Who says what the run may cost; None: it may cost anything."""
-    shows: Callable[[Observation], str] | None = None
+    shows: Callable[[_types.Observation], str] | None = None
     """Says why the device does not do what the change was for, or nothing; None: the rows alone are what it is for."""
 
 
@@ -208,7 +202,7 @@ class DeviceResult:
     confirmed_count: int = 0
     """Actions that were read back and are permanent."""
     diff: str = ""
-    drift: tuple[Drift, ...] = ()
+    drift: tuple[_types.Drift, ...] = ()
     comparison: Comparison | None = None
     """What differs, where the run was to say so."""
     notes: tuple[str, ...] = ()
@@ -221,10 +215,10 @@ class DeviceResult:
     sent_bytes: int = 0
     received_bytes: int = 0
     seconds: float = 0.0
-    facts: Facts | None = None
+    facts: _types.Facts | None = None
     sessions: int = 0
     """Connections to the device, also those that failed before the login was over."""
-    counts: tuple[PortCounts, ...] = field(default=(), compare=False)
+    counts: tuple[_types.PortCounts, ...] = field(default=(), compare=False)
     """The first and the last look at the byte counters of the job's ports, as far as it came."""
     busy: str = ""
     """Who is at work on the device besides this run, or what is left of them; empty: nobody was seen."""
@@ -266,7 +260,7 @@ class DeviceResult:
         }
 
 
-def _drift(drift: Drift) -> dict[str, str]:
+def _drift(drift: _types.Drift) -> dict[str, str]:
     return {"menu": drift.menu, "subject": drift.subject, "owner": drift.owner.value, "message": drift.message}
 
 
@@ -296,7 +290,9 @@ class CostPolicy(Protocol):
     The executor asks once, when it has read the device and made its plan, and never decides.
     """
 
-    def judge(self, observation: Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool) -> Admission:
+    def judge(
+        self, observation: _types.Observation, estimate: Estimate | None, *, spends: bool, is_plan: bool
+    ) -> Admission:
         """Say whether a run may go on; `spends`: it would send more than it has; `is_plan`: not before a person agrees.
 
         Where it spends nothing more there is nothing to refuse.
@@ -309,10 +305,10 @@ def stopped_before_turn(name: str) -> DeviceResult:
     return DeviceResult(name, status, status.exit, "stopped by hand before its turn came: nothing was changed")
 
 
-_MENUS = ("/interface/wireless", "/interface/wifi")
+RADIO_MENUS = ("/interface/wireless", "/interface/wifi")
 
 
-_MISSING = ("no such command", "no such directory")
+MISSING = ("no such command", "no such directory")
 
 
 class Unfit(DeviceError):

@@ -17,7 +17,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.routeros.safe_mode import ApiSafeMode, NoSafeMode, SafeMode
+from atlantis_netcfg.routeros import safe_mode
 from atlantis_netcfg.routeros.scheduler_jobs import forbidden
 
 if TYPE_CHECKING:
@@ -104,17 +104,17 @@ def _no_ssh(job: DeviceJob) -> str | None:
     return None
 
 
-def safe_mode_of(choice: ProtectionChoice, job: DeviceJob) -> SafeMode:
+def safe_mode_of(choice: ProtectionChoice, job: DeviceJob) -> safe_mode.SafeMode:
     """Return what holds safe mode for a choice; it holds nothing yet."""
     if choice.protection is Protection.SAFE_MODE:
-        return ApiSafeMode()
-    return console_safe_mode(job) if choice.protection is Protection.CONSOLE else NoSafeMode()
+        return safe_mode.ApiSafeMode()
+    return console_safe_mode(job) if choice.protection is Protection.CONSOLE else safe_mode.NoSafeMode()
 
 
-def console_safe_mode(job: DeviceJob) -> SafeMode:
+def console_safe_mode(job: DeviceJob) -> safe_mode.SafeMode:
     """Return the one of a console, if the device has one that we may use."""
     if job.ssh is None or job.ssh.pin is None:
-        return NoSafeMode()
+        return safe_mode.NoSafeMode()
     from atlantis_netcfg.routeros.apply._console import ConsoleSafeMode  # noqa: PLC0415 - the SSH client is heavy
 
     return ConsoleSafeMode(job.console, job.ssh, job.patience.verify_s)

@@ -9,21 +9,20 @@ import asyncio
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.routeros import api, scheduler_jobs
 from atlantis_netcfg.routeros._types import Observation, Verb
-from atlantis_netcfg.routeros.api import CommandError, SessionLost, Unreachable
+from atlantis_netcfg.routeros.apply import _protection
 from atlantis_netcfg.routeros.apply._change import VerificationError, change
 from atlantis_netcfg.routeros.apply._job import DeviceResult, Status
-from atlantis_netcfg.routeros.apply._protection import InterferenceError, Protection, ProtectionChoice, safe_mode_of
 from atlantis_netcfg.routeros.apply._state import differing, invalid, restoring
 from atlantis_netcfg.routeros.apply._work import RunContext, cut
 from atlantis_netcfg.routeros.apply._writer import ActionError
 from atlantis_netcfg.routeros.observe import observe
 from atlantis_netcfg.routeros.planner import CannotPlan, plan
 from atlantis_netcfg.routeros.safe_mode import Holder, ProtectionLost
-from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, READ_JOBS, disarm, jobs_of
-from atlantis_netcfg.runs import ActionConfirmation, NoJournal, RollbackRecord
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api._values import Channel
@@ -38,7 +37,7 @@ async def settle(work: RunContext, reason: NetcfgError) -> DeviceResult:
         free = await let_go(work) and await _stood_down(work)
         hint = reason.hint if free else _stale(work)
         result = work.result(Status.LEFT_AS_FOUND, f"nothing was changed: {reason}", hint=hint)
-        return replace(result, left_open=not free, was_reached=not isinstance(reason, Unreachable))
+        return replace(result, left_open=not free, was_reached=not isinstance(reason, api.Unreachable))
     try:
         return await _read_back(work, reason)
     except NetcfgError as lost:
@@ -64,7 +63,7 @@ async def let_go(work: RunContext) -> bool:
             await work.safe_mode.unroll(session)
         elif (await work.safe_mode.look(session)).ours:
             await work.safe_mode.release(session, ())
-    except (SessionLost, CommandError, ProtectionLost):
+    except (api.SessionLost, api.CommandError, ProtectionLost):
         # The device undoes it by itself as soon as it knows that the session is over.
         work.session = None
         await work.safe_mode.drop()
@@ -82,7 +81,7 @@ async def _stood_down(work: RunContext) -> bool:
         try:
             work.session = session or await work.contact.reach(work.job.patience.reach_s, "after a loss")
             await _disarm_ours(work, work.dead_man.id)
-        except SessionLost:
+        except api.SessionLost:
             continue
         except NetcfgError:
             return False
@@ -93,10 +92,12 @@ async def _stood_down(work: RunContext) -> bool:
 
 async def _disarm_ours(work: RunContext, job: str) -> None:
     """Take the job away; one that was sent and not read back is looked for, and may not be there."""
-    armed_jobs = jobs_of((await work.channel.command(READ_JOBS)).check().rows) if not job else ()
-    ours = [each.id for each in armed_jobs if each.name == DEAD_MAN and each.owner == work.signer.text]
+    armed_jobs = (
+        scheduler_jobs.jobs_of((await work.channel.command(scheduler_jobs.READ_JOBS)).check().rows) if not job else ()
+    )
+    ours = [each.id for each in armed_jobs if each.name == scheduler_jobs.DEAD_MAN and each.owner == work.signer.text]
     for each in [job] if job else ours:
-        await disarm(work.channel, each)
+        await scheduler_jobs.disarm(work.channel, each)
 
 
 async def _read_back(work: RunContext, reason: NetcfgError) -> DeviceResult:
@@ -115,7 +116,7 @@ async def _disarm_dead_man(work: RunContext) -> bool:
     session, _, _ = (work.session, None, None) if work.session is not None else await _state(work)
     if session is None:
         raise DeviceError("no session is left to take the dead-man job away")
-    in_time, _ = await disarm(session, job.id)
+    in_time, _ = await scheduler_jobs.disarm(session, job.id)
     work.dead_man = None
     return in_time
 
@@ -132,7 +133,7 @@ async def _decide(work: RunContext, reason: NetcfgError) -> DeviceResult:
     if _is_declared(work, reason, now) and await _is_reachable(work):
         work.after = now
         return _finish_as_desired(work, reason)
-    if isinstance(reason, InterferenceError) or _is_foreign(work, now):
+    if isinstance(reason, _protection.InterferenceError) or _is_foreign(work, now):
         return _unknown(work, f"{reason}; somebody else has changed {_names(changed_menus)}, which was left alone")
     if work.restores:
         return _unknown(work, f"{reason}; the device differs in {_names(changed_menus)}")
@@ -166,7 +167,7 @@ async def _state(work: RunContext) -> tuple[Channel, Holder, Observation]:
             work.session = session
             holder = await work.contact.until_free(work.safe_mode, session, patience.undo_s)
             now = await observe(session, work.job.endpoint, work.job.desired_state.menus, tuple(work.observation.rows))
-        except SessionLost:
+        except api.SessionLost:
             work.session = None
             if clock() >= until:
                 raise
@@ -198,12 +199,14 @@ async def _is_reachable(work: RunContext) -> bool:
 
 def _finish_as_desired(work: RunContext, reason: NetcfgError) -> DeviceResult:
     work.confirmed_count = len(work.aim.actions)
-    work.note(ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions)))
+    work.note(
+        runs.ActionConfirmation(device=work.job.name, actions=tuple(action.number for action in work.aim.actions))
+    )
     return work.result(Status.CHANGED, f"as declared: {_count(work)} read back, although: {reason}", hint=reason.hint)
 
 
 def _rolled_back(work: RunContext, reason: NetcfgError, how: str = "taken back") -> DeviceResult:
-    work.note(RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
+    work.note(runs.RollbackRecord(device=work.job.name, reason=work.clean(str(reason))))
     return work.result(Status.ROLLED_BACK, f"{how}, the device is as before: {reason}", hint=reason.hint)
 
 
@@ -223,10 +226,10 @@ def _stale(work: RunContext) -> str:
 async def _put_back(work: RunContext, reason: NetcfgError, session: Channel, now: Observation) -> DeviceResult:
     """Write the state that was observed at the start, guarded by safe mode like any other change."""
     work.say(Stage.APPLYING, "putting the state before the run back")
-    job = replace(work.job, desired_state=restoring(work.observation), journal=NoJournal(), agreed_hash=None)
+    job = replace(work.job, desired_state=restoring(work.observation), journal=runs.NoJournal(), agreed_hash=None)
     inner = RunContext(job, work.contact, work.start_time, restores=True, session=session, before=now)
-    inner.choice = work.choice if work.protection.holds else ProtectionChoice(Protection.NONE)
-    inner.safe_mode = safe_mode_of(inner.choice, job)
+    inner.choice = work.choice if work.protection.holds else _protection.ProtectionChoice(_protection.Protection.NONE)
+    inner.safe_mode = _protection.safe_mode_of(inner.choice, job)
     try:
         inner.plan = plan(job.name, job.desired_state, now)
         inner.stages = cut(inner.plan, inner.protection)

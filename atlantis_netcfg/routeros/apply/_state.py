@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from atlantis_netcfg.core.errors import DeviceError
 from atlantis_netcfg.routeros._items import DesiredState, RowItem, RunTime
 from atlantis_netcfg.routeros.api import Command, Reply
-from atlantis_netcfg.routeros.apply._writer import ScriptWriter, SentenceWriter, Writer
+from atlantis_netcfg.routeros.apply import _writer
 from atlantis_netcfg.routeros.commands import script_command
 from atlantis_netcfg.routeros.menus import MENUS, Field, Menu, Shape
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
     from atlantis_netcfg.core.versions import Version
-    from atlantis_netcfg.routeros._types import Observation, Plan, Row
+    from atlantis_netcfg.routeros import _types
     from atlantis_netcfg.routeros.api._values import Channel
     from atlantis_netcfg.routeros.apply._job import DeviceJob
 
@@ -30,7 +30,7 @@ _BETWEEN, _END = "\x1f", "\x1e"
 """ASCII's separators of units and of records, for what is hashed."""
 
 
-def differing(before: Observation, now: Observation, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
+def differing(before: _types.Observation, now: _types.Observation, run_time: Sequence[RunTime] = ()) -> tuple[str, ...]:
     """Return the menus (as a person writes them) whose configuration differs.
 
     What a device does to rows of ours by itself (`run_time`) is no difference where it is named.
@@ -43,7 +43,7 @@ def differing(before: Observation, now: Observation, run_time: Sequence[RunTime]
     )
 
 
-def digest(observation: Observation) -> str:
+def digest(observation: _types.Observation) -> str:
     """Return a hash of the configuration without its secrets, so that it may be written down."""
     state = hashlib.sha256()
     for path in sorted(observation.rows):
@@ -52,7 +52,7 @@ def digest(observation: Observation) -> str:
     return state.hexdigest()
 
 
-def plan_hash(plan: Plan) -> str:
+def plan_hash(plan: _types.Plan) -> str:
     """Return a hash of what a person sees of a plan, so that the plan agreed to can be told from another one."""
     actions = [
         (action.menu, action.verb, action.subject, action.ids, action.get_masked_values(), action.before)
@@ -61,7 +61,7 @@ def plan_hash(plan: Plan) -> str:
     return hashlib.sha256(json.dumps(actions).encode()).hexdigest()
 
 
-def invalid(observation: Observation) -> tuple[str, ...]:
+def invalid(observation: _types.Observation) -> tuple[str, ...]:
     """Return the rows of ours that the device has taken but does not use, with its reason where it gives one."""
     return tuple(
         f"{menu.name_of(row)} in {menu.title} ({row.get('.about') or 'invalid'})"
@@ -71,14 +71,14 @@ def invalid(observation: Observation) -> tuple[str, ...]:
     )
 
 
-def restoring(before: Observation) -> DesiredState:
+def restoring(before: _types.Observation) -> DesiredState:
     """Return the observed state as something to declare: every row and every value, nothing else."""
     menus = [MENUS[path] for path in before.rows if not MENUS[path].readonly]
     items = {menu.path: tuple(_items(menu, before.rows[menu.path], before.facts.version)) for menu in menus}
     return DesiredState("the state before the run", items, frozenset(items), restores=True)
 
 
-def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[RowItem]:
+def _items(menu: Menu, rows: tuple[_types.Row, ...], version: Version) -> list[RowItem]:
     return [
         RowItem(menu.path, _values(menu, row, version), exists=menu.shape is not Shape.LIST or menu.is_stock(row))
         for row in rows
@@ -86,7 +86,7 @@ def _items(menu: Menu, rows: tuple[Row, ...], version: Version) -> list[RowItem]
     ]
 
 
-def _values(menu: Menu, row: Row, version: Version) -> Mapping[str, str | None]:
+def _values(menu: Menu, row: _types.Row, version: Version) -> Mapping[str, str | None]:
     """What the row says, and None for what it did not say and nothing else would take back: it was unset."""
     return {
         each.name: row.get(each.name)
@@ -96,7 +96,7 @@ def _values(menu: Menu, row: Row, version: Version) -> Mapping[str, str | None]:
 
 
 def _content(
-    path: str, observation: Observation, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
+    path: str, observation: _types.Observation, *, secrets: bool = True, run_time: Sequence[RunTime] = ()
 ) -> list[_Content]:
     """Return the rows of a menu; of first-match rows the order counts, but only among those of one chain."""
     menu = MENUS[path]
@@ -109,7 +109,7 @@ def _content(
     return content if menu.is_ordered else sorted(content)
 
 
-def _as_declared(menu: Menu, row: Row, run_times: Iterable[RunTime]) -> Row:
+def _as_declared(menu: Menu, row: _types.Row, run_times: Iterable[RunTime]) -> _types.Row:
     """Return a row of ours with the declared values where the device has put others in their place."""
     if not menu.is_ours(row):
         return row
@@ -123,7 +123,7 @@ def _as_declared(menu: Menu, row: Row, run_times: Iterable[RunTime]) -> Row:
     }
 
 
-def _row(menu: Menu, row: Row, fields: Iterable[Field]) -> _Content:
+def _row(menu: Menu, row: _types.Row, fields: Iterable[Field]) -> _Content:
     """Return a row in canonical form; a property that is empty or at its default may be printed or left out."""
     return tuple(
         menu.form(each.name, row) if (text := row.get(each.name)) is None else each.form(text) for each in fields
@@ -198,13 +198,13 @@ class RunSigner:
         return text == self.text or bool(run and self.job.history.can_take_over(run, text))
 
 
-def signs(rows: Sequence[Row]) -> tuple[Sign, ...]:
+def signs(rows: Sequence[_types.Row]) -> tuple[Sign, ...]:
     """Return the signs among the rows of the address lists."""
     sign_rows = (row for row in rows if row.get("list") == _LIST)
     return tuple(Sign(row.get(".id", ""), row.get("comment") or "a run", row.get("timeout", "")) for row in sign_rows)
 
 
-def read_signs(observation: Observation) -> tuple[Sign, ...]:
+def read_signs(observation: _types.Observation) -> tuple[Sign, ...]:
     """Return the signs on the device as it was read."""
     return signs(observation.rows.get(SIGNS, ()))
 
@@ -226,7 +226,9 @@ def claim(ours: str, seconds: float) -> Command:
     return Command(f"{SIGNS}/add", tuple(values.items()))
 
 
-async def confirm_claim(session: Channel, adding: Command, reply: Reply, rows: Sequence[Row], signer: RunSigner) -> str:
+async def confirm_claim(
+    session: Channel, adding: Command, reply: Reply, rows: Sequence[_types.Row], signer: RunSigner
+) -> str:
     """Read the answers to `claim` and to CLAIMS, and return the sign's `.id`.
 
     The sign of a dead run that may be taken over is replaced. Raises Claimed, Refused, SessionLost.
@@ -271,14 +273,14 @@ class SavedExport:
 
     text: str | None
     """The whole export, or None if the device does not print it into a script's output."""
-    writer: Writer
+    writer: _writer.Writer
 
 
 def parse_export(export: Reply, probe: Reply) -> SavedExport:
     """Read the answers to SAVING."""
     text = _whole(export.ret or "") if export.trap is None else None
     runs = text is not None or (probe.trap is None and (probe.ret or "").strip() == _PROBE)
-    return SavedExport(text, ScriptWriter() if runs else SentenceWriter())
+    return SavedExport(text, _writer.ScriptWriter() if runs else _writer.SentenceWriter())
 
 
 async def fetch(session: Channel, instead: Callable[[], str] | None = None) -> str:

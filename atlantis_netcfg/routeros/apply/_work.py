@@ -9,19 +9,16 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, complete
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.secret import MASK
-from atlantis_netcfg.routeros import snapshot
-from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, PortCounts, Verb
-from atlantis_netcfg.routeros.apply._job import DeviceJob, DeviceResult, Status
+from atlantis_netcfg.routeros import _types, drift, scheduler_jobs, snapshot
+from atlantis_netcfg.routeros.apply import _job
 from atlantis_netcfg.routeros.apply._protection import Protection, ProtectionChoice
 from atlantis_netcfg.routeros.apply._state import CLAIMS, RunSigner, Sign, plan_hash, read_signs, withdrawing
 from atlantis_netcfg.routeros.commands import Examination
-from atlantis_netcfg.routeros.drift import Comparison, Difference, DriftKind, Owner
 from atlantis_netcfg.routeros.safe_mode import BUDGET, NoSafeMode, SafeMode
-from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, ArmedJob, DeadMan, disarm, jobs_of
-from atlantis_netcfg.runs import JournalError, Outcome, PlannedAction, Record, conclude, mark_unrecorded
 
 if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Command, Reply
@@ -38,13 +35,13 @@ _FOUNDATION, _NAMING = True, False
 class Stages:
     """The actions of a plan by how they are sent; within each in the order of the plan."""
 
-    prepare: tuple[Action, ...] = ()
-    pieces: tuple[tuple[Action, ...], ...] = ()
+    prepare: tuple[_types.Action, ...] = ()
+    pieces: tuple[tuple[_types.Action, ...], ...] = ()
     """Pieces, each within the budget of one safe mode."""
-    finish: tuple[Action, ...] = ()
+    finish: tuple[_types.Action, ...] = ()
 
 
-def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
+def cut(plan: _types.Plan, protection: Protection, budget: int = BUDGET) -> Stages:
     """Cut a plan in the way that costs the fewest round trips; without safe mode there is nothing to cut for.
 
     A plan within the budget is one piece. Otherwise harmless additions may go outside safe mode: those that others name
@@ -57,14 +54,16 @@ def cut(plan: Plan, protection: Protection, budget: int = BUDGET) -> Stages:
     return min(ways, key=_cost)
 
 
-def _cut(plan: Plan, budget: int, outside: Sequence[bool]) -> Stages:
+def _cut(plan: _types.Plan, budget: int, outside: Sequence[bool]) -> Stages:
     """Cut with those harmless additions outside that are named by others (True), or name others (False)."""
-    out = [action for action in plan.actions if _harmless(action) and (action.layer is Layer.FOUNDATION) in outside]
+    out = [
+        action for action in plan.actions if _harmless(action) and (action.layer is _types.Layer.FOUNDATION) in outside
+    ]
     rest = [action for action in plan.actions if action not in out]
     return Stages(
-        prepare=tuple(action for action in out if action.layer is Layer.FOUNDATION),
+        prepare=tuple(action for action in out if action.layer is _types.Layer.FOUNDATION),
         pieces=tuple(_pieces(rest, budget)),
-        finish=tuple(action for action in out if action.layer is not Layer.FOUNDATION),
+        finish=tuple(action for action in out if action.layer is not _types.Layer.FOUNDATION),
     )
 
 
@@ -74,12 +73,12 @@ def _cost(stages: Stages) -> int:
     return 2 * bool(stages.prepare) + bool(stages.finish) + 7 * checkpoints
 
 
-def _harmless(action: Action) -> bool:
-    return action.inert and action.verb is Verb.ADD
+def _harmless(action: _types.Action) -> bool:
+    return action.inert and action.verb is _types.Verb.ADD
 
 
-def _pieces(actions: Sequence[Action], budget: int) -> Iterator[tuple[Action, ...]]:
-    piece: list[Action] = []
+def _pieces(actions: Sequence[_types.Action], budget: int) -> Iterator[tuple[_types.Action, ...]]:
+    piece: list[_types.Action] = []
     remaining_budget = budget
     for action in (part for whole in actions for part in _parts(whole, budget)):
         if action.weight > remaining_budget:
@@ -91,7 +90,7 @@ def _pieces(actions: Sequence[Action], budget: int) -> Iterator[tuple[Action, ..
         yield tuple(piece)
 
 
-def _parts(action: Action, budget: int) -> Iterator[Action]:
+def _parts(action: _types.Action, budget: int) -> Iterator[_types.Action]:
     """Cut one action over many rows; its parts keep its number, and it counts as done when the last one is."""
     for start in range(0, max(1, len(action.ids)), budget):
         yield replace(action, ids=action.ids[start : start + budget])
@@ -103,21 +102,21 @@ AGREE_APART = (
 )
 
 
-def find_missing_consent(job: DeviceJob, plan: Plan) -> str:
+def find_missing_consent(job: _job.DeviceJob, plan: _types.Plan) -> str:
     """Return why the plan needs a person's word of its own, and has none; empty: it may go on."""
     return "" if job.remove_foreign or not plan.foreign_words else f"nobody has agreed that it {plan.foreign_words}"
 
 
-def number_of(plan: Plan) -> str:
+def number_of(plan: _types.Plan) -> str:
     """Say how much a plan does: actions, and rows where one action is about several."""
     number, rows = len(plan.actions), plan.weight
     words = f"{number} action{'s' if number != 1 else ''}"
     return words if rows == number else f"{words} on {rows} rows"
 
 
-def build_journal_action(action: Action) -> PlannedAction:
+def build_journal_action(action: _types.Action) -> runs.PlannedAction:
     """Write an action for the journal, secrets masked."""
-    return PlannedAction(
+    return runs.PlannedAction(
         number=action.number,
         layer=action.layer.name.lower(),
         menu=action.menu,
@@ -128,7 +127,7 @@ def build_journal_action(action: Action) -> PlannedAction:
     )
 
 
-def mask_secrets(text: str, actions: Iterable[Action]) -> str:
+def mask_secrets(text: str, actions: Iterable[_types.Action]) -> str:
     """Mask secrets of a plan in a text of the device, should it ever repeat one."""
     for action in actions:
         for name, value in action.values:
@@ -137,12 +136,14 @@ def mask_secrets(text: str, actions: Iterable[Action]) -> str:
     return text
 
 
-def record_outcome(job: DeviceJob, result: DeviceResult, read: Observation | None) -> DeviceResult:
+def record_outcome(
+    job: _job.DeviceJob, result: _job.DeviceResult, read: _types.Observation | None
+) -> _job.DeviceResult:
     """Record the outcome, and keep what was `read` back for drift to be dated by and for a replacement.
 
     A journal that cannot be written is said in the result, which is not green then.
     """
-    outcome = Outcome(
+    outcome = runs.Outcome(
         device=result.name,
         status=result.status,
         exit=int(result.exit),
@@ -152,27 +153,27 @@ def record_outcome(job: DeviceJob, result: DeviceResult, read: Observation | Non
     if read is not None:
         try:
             job.journal.confirm(job.name, partial(_state, job, read))
-        except JournalError as failure:
+        except runs.JournalError as failure:
             # The state is missing for drift and for a replacement; the outcome itself may still be recorded.
             if str(failure) not in result.message:
                 result = replace(result, notes=(*result.notes, str(failure)))
-    return mark_unrecorded(result, conclude(job.journal, outcome))
+    return runs.mark_unrecorded(result, runs.conclude(job.journal, outcome))
 
 
-def _state(job: DeviceJob, read: Observation) -> str:
+def _state(job: _job.DeviceJob, read: _types.Observation) -> str:
     """Write the state as text; the device has ended well, and a fault of ours in here must not say otherwise."""
     try:
         return snapshot.write(job.name, job.desired_state, read)
     except Exception as fault:
         why = f"provision itself failed ({type(fault).__name__})"
-        raise JournalError(f"the confirmed state cannot be written: {why}") from fault
+        raise runs.JournalError(f"the confirmed state cannot be written: {why}") from fault
 
 
 IsOver = Callable[[str], bool]
 
 _WORDS = {
-    DEAD_MAN: "takes back what that run has changed",
-    PAIR: "takes this end of the bridge back if the link is lost",
+    scheduler_jobs.DEAD_MAN: "takes back what that run has changed",
+    scheduler_jobs.PAIR: "takes this end of the bridge back if the link is lost",
 }
 
 
@@ -189,7 +190,7 @@ class Leftovers:
     safe_mode: str | None = None
     """Who holds it."""
     markers: tuple[Sign, ...] = ()
-    jobs: tuple[ArmedJob, ...] = ()
+    jobs: tuple[scheduler_jobs.ArmedJob, ...] = ()
 
     def __bool__(self) -> bool:
         return self.safe_mode is not None or bool(self.markers or self.jobs)
@@ -198,26 +199,26 @@ class Leftovers:
         """Return one sentence for each."""
         return tuple(difference.row for difference in self.differences())
 
-    def differences(self) -> tuple[Difference, ...]:
+    def differences(self) -> tuple[drift.Difference, ...]:
         """Return one difference for each, as drift tells it."""
         return tuple(self._differences())
 
-    def _differences(self) -> Iterator[Difference]:
+    def _differences(self) -> Iterator[drift.Difference]:
         if self.safe_mode is not None:
             words = f"{self.safe_mode} holds safe mode, and there is only one"
-            yield _open("/safe-mode", "safe mode", Owner.SESSION, words)
+            yield _open("/safe-mode", "safe mode", drift.Owner.SESSION, words)
         for sign in self.markers:
             words = f"{sign.text} is under way on this device, or has died there"
-            yield _open("/ip firewall address-list", "atlantis-run", Owner.RUN, words)
+            yield _open("/ip firewall address-list", "atlantis-run", drift.Owner.RUN, words)
         for job in self.jobs:
-            yield _open("/system scheduler", job.name, Owner.RUN, _describe_job(job))
+            yield _open("/system scheduler", job.name, drift.Owner.RUN, _describe_job(job))
 
     def alive(self, is_over: IsOver, *, bridge: bool = True) -> str | None:
         """Say which job may belong to a run that is alive, and for a device alone, which belongs to a bridge."""
-        alive = (job for job in self.jobs if not is_over(job.owner) or (job.name == PAIR and not bridge))
+        alive = (job for job in self.jobs if not is_over(job.owner) or (job.name == scheduler_jobs.PAIR and not bridge))
         return next(map(_describe_job, alive), None)
 
-    def find_job(self, name: str) -> ArmedJob | None:
+    def find_job(self, name: str) -> scheduler_jobs.ArmedJob | None:
         """Return the job of this name."""
         return next((job for job in self.jobs if job.name == name), None)
 
@@ -228,7 +229,7 @@ class Leftovers:
         Raises DeviceFailed.
         """
         for job in self.jobs:
-            await disarm(session, job.id)
+            await scheduler_jobs.disarm(session, job.id)
         if self.markers:
             removed_ids = [sign.id for sign in self.markers]
             *_, reply = await session.flight([*map(withdrawing, removed_ids), CLAIMS])
@@ -239,25 +240,29 @@ class Leftovers:
         return (*jobs, *(f"the marker of {sign.text}" for sign in self.markers))
 
 
-def look(observation: Observation) -> Leftovers:
+def look(observation: _types.Observation) -> Leftovers:
     """Return what was armed or open when the device was read."""
-    return Leftovers(observation.facts.safe_mode_owner, read_signs(observation), jobs_of(observation.jobs))
+    return Leftovers(
+        observation.facts.safe_mode_owner, read_signs(observation), scheduler_jobs.jobs_of(observation.jobs)
+    )
 
 
-def _describe_job(job: ArmedJob) -> str:
+def _describe_job(job: scheduler_jobs.ArmedJob) -> str:
     return f"the job {job.name} of {job.owner} is armed, and {_WORDS[job.name]}"
 
 
-def _open(menu: str, subject: str, owner: Owner, words: str) -> Difference:
-    return Difference(menu, subject, DriftKind.OPEN, owner, row=words, why_unknown="the device does not say")
+def _open(menu: str, subject: str, owner: drift.Owner, words: str) -> drift.Difference:
+    return drift.Difference(
+        menu, subject, drift.DriftKind.OPEN, owner, row=words, why_unknown="the device does not say"
+    )
 
 
 _STAGES = {
-    Status.UNCHANGED: Stage.DONE,
-    Status.CHANGED: Stage.CONFIRMED,
-    Status.PLANNED: Stage.DONE,
-    Status.DRIFTED: Stage.DONE,
-    Status.ROLLED_BACK: Stage.UNROLLED,
+    _job.Status.UNCHANGED: Stage.DONE,
+    _job.Status.CHANGED: Stage.CONFIRMED,
+    _job.Status.PLANNED: Stage.DONE,
+    _job.Status.DRIFTED: Stage.DONE,
+    _job.Status.ROLLED_BACK: Stage.UNROLLED,
 }
 
 
@@ -265,24 +270,24 @@ _STAGES = {
 class RunContext:
     """A run on one device; the steps read it and write down here what has become true."""
 
-    job: DeviceJob
+    job: _job.DeviceJob
     contact: Contact
     start_time: float
     restores: bool = False
     """This run puts an old state back after another one failed: it is not guarded, and not put back itself."""
     session: Channel | None = None
     """The session that changes the device; None before the first contact and after a loss."""
-    before: Observation | None = None
-    after: Observation | None = None
+    before: _types.Observation | None = None
+    after: _types.Observation | None = None
     """What the verifying session read."""
     brief: bool = False
     """Rows of others by the thousand are read bare: nothing that this run does needs more of them."""
     leftovers: Leftovers = field(default_factory=Leftovers)
     """What was armed or open when the device was read."""
-    plan: Plan | None = None
+    plan: _types.Plan | None = None
     examination: Examination = field(default_factory=Examination)
     """What the device's own parser has said of the plan."""
-    comparison: Comparison | None = None
+    comparison: drift.Comparison | None = None
     estimate: Estimate | None = None
     stages: Stages = field(default_factory=Stages)
     writer: Writer | None = None
@@ -290,7 +295,7 @@ class RunContext:
     safe_mode: SafeMode = field(default_factory=NoSafeMode)
     script: str | None = None
     """The way back, for a dead-man job."""
-    dead_man: DeadMan | None = None
+    dead_man: scheduler_jobs.DeadMan | None = None
     """The job that is armed."""
     early: tuple[Reply, ...] = ()
     """Answers to what is asked before the first change, where they came beside safe mode; nothing was sent since."""
@@ -298,7 +303,7 @@ class RunContext:
     """`.id` of the sign that a run is under way, ours or that of a dead run that we have taken over."""
     busy: str = ""
     """Who is at work on the device, or what is left of them."""
-    last_look: PortCounts | None = None
+    last_look: _types.PortCounts | None = None
     """At the ports' counters, beside the release: after it nothing of weight is sent."""
     holding: bool = False
     """Safe mode was asked for and may be ours."""
@@ -321,7 +326,7 @@ class RunContext:
         return RunSigner(self.job, self.before.facts.session_address if self.before is not None else "")
 
     @property
-    def counts(self) -> tuple[PortCounts, ...]:
+    def counts(self) -> tuple[_types.PortCounts, ...]:
         """The first and the last look at the ports' counters."""
         looks = [
             look for observation in (self.before, self.after) if observation is not None for look in observation.counts
@@ -337,14 +342,14 @@ class RunContext:
         return self.session
 
     @property
-    def observation(self) -> Observation:
+    def observation(self) -> _types.Observation:
         """The device as it was before the run, where it has been read."""
         if self.before is None:
             raise RuntimeError("the device has not been read")
         return self.before
 
     @property
-    def aim(self) -> Plan:
+    def aim(self) -> _types.Plan:
         """The plan, where there has to be one."""
         if self.plan is None:
             raise RuntimeError("nothing is planned")
@@ -361,23 +366,23 @@ class RunContext:
         data = {"acknowledged": len(self.acknowledged_numbers)}
         self.job.events(Event(self.job.name, stage, message, self.confirmed_count, total, data, limit_s))
 
-    def record(self, record: Record) -> None:
+    def record(self, record: runs.Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
         self.job.journal.write(record)
 
-    def note(self, record: Record) -> None:
+    def note(self, record: runs.Record) -> None:
         """Put a record on disk if that is possible: what it reports has happened in any case."""
-        with suppress(JournalError):
+        with suppress(runs.JournalError):
             self.job.journal.write(record)
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
         return mask_secrets(text, self.plan.actions if self.plan is not None else ())
 
-    def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
+    def result(self, status: _job.Status, message: str, *, hint: str | None = None) -> _job.DeviceResult:
         """Say how it ended."""
         traffic, plan = self.contact.traffic, self.plan
-        return DeviceResult(
+        return _job.DeviceResult(
             name=self.job.name,
             status=status,
             exit=status.exit,
@@ -414,9 +419,9 @@ class RunContext:
         if farewell:
             self.sign = None
 
-    def finish(self, result: DeviceResult) -> DeviceResult:
+    def finish(self, result: _job.DeviceResult) -> _job.DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
-        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
+        read = {_job.Status.UNCHANGED: self.before, _job.Status.CHANGED: self.after}.get(result.status)
         whole = self.plan is not None and not self.job.desired_state.partial
         result = record_outcome(self.job, result, read if whole else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)

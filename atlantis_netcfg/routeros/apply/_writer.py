@@ -15,9 +15,9 @@ from itertools import groupby
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.routeros import api
 from atlantis_netcfg.routeros._types import Action, Verb
-from atlantis_netcfg.routeros.api import WINDOW, Command, Reply
-from atlantis_netcfg.routeros.apply._scripts import action_at, output, scripts
+from atlantis_netcfg.routeros.apply import _scripts
 from atlantis_netcfg.routeros.commands import script_command, sentence
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -44,7 +44,7 @@ class WriteResult:
     acknowledged_numbers: tuple[int, ...]
     refusal: str | None
     """The device's words, with the action they are about."""
-    beside: tuple[Reply, ...]
+    beside: tuple[api.Reply, ...]
     """Answers to what was asked in the same round trip: before, after or while the actions were executed."""
 
 
@@ -54,7 +54,7 @@ class Writer(Protocol):
     def turns(self, actions: Sequence[Action]) -> Iterator[tuple[Action, ...]]:
         """Cut actions into turns: each costs one round trip."""
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[api.Command] = ()) -> WriteResult:
         """Send one turn, with other commands beside it, and say what became of it."""
 
 
@@ -65,7 +65,7 @@ class ScriptWriter:
         """Cut where a script would become too long; rows that do not depend on each other go in several at once."""
         turn: list[Action] = []
         count = 0
-        for _, inside in scripts(actions):
+        for _, inside in _scripts.scripts(actions):
             if turn and (count == _AT_ONCE or not _independent((*turn, *inside))):
                 yield tuple(turn)
                 turn, count = [], 0
@@ -74,9 +74,9 @@ class ScriptWriter:
         if turn:
             yield tuple(turn)
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[api.Command] = ()) -> WriteResult:
         """Run the scripts of one turn."""
-        parts = list(scripts(turn))
+        parts = list(_scripts.scripts(turn))
         answers = await session.flight([*(script_command(text) for text, _ in parts), *beside])
         result = [_output(inside, reply) for (_, inside), reply in zip(parts, answers, strict=False)]
         executed_numbers = dict.fromkeys(number for numbers, _ in result for number in numbers)
@@ -91,12 +91,12 @@ class SentenceWriter:
         """Put additions to one menu without order into one turn; everything else goes alone."""
         for (together, *_), group in groupby(actions, key=_kind):
             members = tuple(group)
-            size = WINDOW - 1 if together else 1
+            size = api.WINDOW - 1 if together else 1
             yield from (members[start : start + size] for start in range(0, len(members), size))
 
-    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[Command] = ()) -> WriteResult:
+    async def send(self, session: Channel, turn: Sequence[Action], beside: Sequence[api.Command] = ()) -> WriteResult:
         """Send the sentences at once."""
-        answers = await session.flight([*(Command(*sentence(action)) for action in turn), *beside])
+        answers = await session.flight([*(api.Command(*sentence(action)) for action in turn), *beside])
         replies, others = answers[: len(turn)], answers[len(turn) :]
         executed_numbers = tuple(
             action.number for action, reply in zip(turn, replies, strict=True) if reply.trap is None
@@ -117,20 +117,20 @@ def _independent(actions: Sequence[Action]) -> bool:
     return all(action.verb is Verb.ADD and action.menu in _INDEPENDENT for action in actions)
 
 
-def _output(turn: Sequence[Action], reply: Reply) -> tuple[tuple[int, ...], str | None]:
+def _output(turn: Sequence[Action], reply: api.Reply) -> tuple[tuple[int, ...], str | None]:
     """Return what a script acknowledged, and how it was stopped if it was."""
-    result = output(reply.ret or "")
+    result = _scripts.output(reply.ret or "")
     if reply.trap is None and list(result.acknowledged_numbers) == [action.number for action in turn]:
         return result.acknowledged_numbers, None
     words = reply.trap.message if reply.trap is not None else result.words
     return result.acknowledged_numbers, _refusal(_culprit(turn, reply, len(result.acknowledged_numbers), words), words)
 
 
-def _culprit(turn: Sequence[Action], reply: Reply, acknowledged_count: int, words: str) -> Action | None:
+def _culprit(turn: Sequence[Action], reply: api.Reply, acknowledged_count: int, words: str) -> Action | None:
     """Find the action that stopped the script: by the line that the device names, else behind those it acknowledged."""
     place = _PLACE.search(words)
     if place is not None:
-        return action_at(turn, int(place[1]))
+        return _scripts.action_at(turn, int(place[1]))
     is_lost = reply.trap is not None and not acknowledged_count
     return None if is_lost or acknowledged_count >= len(turn) else turn[acknowledged_count]
 

@@ -23,19 +23,8 @@ from netmiko.mikrotik.mikrotik_ssh import MikrotikRouterOsSSH
 
 from atlantis_netcfg.core.errors import TRUST, NetcfgError
 from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.routeros.console import types
 from atlantis_netcfg.routeros.console.terminal import Terminal
-from atlantis_netcfg.routeros.console.types import (
-    COMMAND_S,
-    CONNECT_S,
-    Console,
-    ConsoleLoginError,
-    ConsoleLost,
-    ConsoleUnreachable,
-    HostKeyMismatch,
-    Tally,
-    UnknownHostKey,
-    WireLost,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -62,13 +51,13 @@ class PinnedKey(paramiko.MissingHostKeyPolicy):
         """Raise UnknownHostKey without a pin, HostKeyChanged if the keys differ."""
         self.seen = fingerprint(key)
         if self._pin is None:
-            raise UnknownHostKey(
+            raise types.UnknownHostKey(
                 f"{hostname}: its SSH host key is not known here, so it was told no password; it showed {self.seen}",
                 fingerprint=self.seen,
                 hint=TRUST,
             )
         if self._pin != self.seen:
-            raise HostKeyMismatch(
+            raise types.HostKeyMismatch(
                 f"{hostname}: the SSH host key is not the one of this device; pinned is {self._pin}, "
                 f"it showed {self.seen}",
                 pinned_key=self._pin,
@@ -102,11 +91,11 @@ class TcpSocket(socket.socket):
     paramiko keeps whatever comes, before the login as well: a packet may name any size.
     """
 
-    tally: Tally | None = None
+    tally: types.Tally | None = None
     received_bytes = 0
 
     @classmethod
-    def connect_to(cls, address: str, port: int, timeout_s: float, tally: Tally | None = None) -> TcpSocket:
+    def connect_to(cls, address: str, port: int, timeout_s: float, tally: types.Tally | None = None) -> TcpSocket:
         """Connect. Raises OSError."""
         connection = cls(fileno=socket.create_connection((address, port), timeout_s).detach())
         connection.settimeout(timeout_s)
@@ -155,18 +144,18 @@ class SshWire:
         except TimeoutError:
             return b""
         except _CONNECTION_ERRORS as error:
-            raise WireLost from error
+            raise types.WireLost from error
         if not data:
-            raise WireLost
+            raise types.WireLost
         return data
 
     def write(self, data: bytes) -> None:
         """Send."""
-        self._channel.settimeout(CONNECT_S)
+        self._channel.settimeout(types.CONNECT_S)
         try:
             self._channel.sendall(data)
         except _CONNECTION_ERRORS as error:
-            raise WireLost from error
+            raise types.WireLost from error
 
     def close(self) -> None:
         """Drop the connection."""
@@ -187,12 +176,12 @@ def translate_errors(address: str, port: int) -> Iterator[None]:
     except NetcfgError:
         raise
     except (NetmikoAuthenticationException, paramiko.AuthenticationException) as error:
-        raise ConsoleLoginError(
+        raise types.ConsoleLoginError(
             f"{where}: the device did not accept the user name and password",
             hint="the factory's password is on the sticker of newer devices, and empty on older ones",
         ) from error
     except (NetmikoTimeoutException, OSError, EOFError, paramiko.SSHException) as error:
-        raise ConsoleUnreachable(
+        raise types.ConsoleUnreachable(
             f"{where}: no SSH session came about ({type(error).__name__})",
             hint="is the laptop plugged into the right port, and has it an address of that network?",
         ) from error
@@ -217,9 +206,9 @@ def open_ssh(  # noqa: PLR0913 - all of it is one address
     password: Secret,
     *,
     pin: str | None,
-    timeout_s: float = CONNECT_S,
-    tally: Tally | None = None,
-) -> Console:
+    timeout_s: float = types.CONNECT_S,
+    tally: types.Tally | None = None,
+) -> types.Console:
     """Log in over SSH. `pin`: `SHA256:...` of the host key; `tally`: told what the wire carries.
 
     Raises ConsoleUnreachable, UnknownHostKey (without a pin) and HostKeyChanged before the password is sent,
@@ -285,7 +274,7 @@ class Commands:
         transport = self._client.get_transport()
         return transport is not None and transport.is_active()
 
-    def run(self, command: str, *, input_text: str = "", timeout_s: float = COMMAND_S) -> CommandEnd:
+    def run(self, command: str, *, input_text: str = "", timeout_s: float = types.COMMAND_S) -> CommandEnd:
         """Run one command. What is secret goes into `input_text`, its standard input: a command line stands in `ps`.
 
         Raises ConsoleLost if the connection broke; then nobody knows how far the command came.
@@ -307,8 +296,8 @@ class Commands:
             raise self._broken("cut by the device, or by us after too long")
         return end
 
-    def _broken(self, why: str) -> ConsoleLost:
-        return ConsoleLost(
+    def _broken(self, why: str) -> types.ConsoleLost:
+        return types.ConsoleLost(
             f"{self._name}: the SSH session broke off ({why})",
             in_flight=True,
             hint="run the same command again: it begins by reading what the device has",
@@ -316,7 +305,7 @@ class Commands:
 
 
 def open_commands(  # noqa: PLR0913 - all of it is one address
-    address: str, port: int, user: str, password: Secret, *, pin: str | None, timeout_s: float = CONNECT_S
+    address: str, port: int, user: str, password: Secret, *, pin: str | None, timeout_s: float = types.CONNECT_S
 ) -> Commands:
     """Log in. `pin`: `SHA256:...` of the host key.
 
@@ -355,12 +344,12 @@ def _client(  # noqa: PLR0913, PLR0917 - as above
     return client
 
 
-def host_key_of(address: str, port: int, timeout_s: float = CONNECT_S) -> str:
+def host_key_of(address: str, port: int, timeout_s: float = types.CONNECT_S) -> str:
     """The fingerprint of the host key that is shown; nobody logs in. Raises ConsoleUnreachable."""
     try:
         with open_commands(address, port, "nobody", Secret(""), pin=None, timeout_s=timeout_s):
             raise AssertionError("without a pin nobody logs in")
-    except UnknownHostKey as unknown:
+    except types.UnknownHostKey as unknown:
         return unknown.fingerprint
 
 
@@ -378,7 +367,7 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
     source: Path,
     name: str,
     progress: Callable[[int, int], None] | None = None,
-    timeout_s: float = CONNECT_S,
+    timeout_s: float = types.CONNECT_S,
 ) -> None:
     """Copy `source` to the file `name` of the device. `progress(sent, total)` in bytes, often.
 
@@ -398,7 +387,7 @@ def upload(  # noqa: PLR0913 - all of it is one address and one file
                 channel.settimeout(timeout_s)
             sftp.putfo(file, name, size, progress, confirm=True)
     except (OSError, EOFError, paramiko.SSHException) as error:
-        raise ConsoleLost(
+        raise types.ConsoleLost(
             f"{address} port {port}: {name} was not copied whole ({type(error).__name__})",
             in_flight=True,
             hint="is there room on the device? Run the same command again: the copy starts anew",

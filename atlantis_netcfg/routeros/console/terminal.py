@@ -17,19 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 import serial
 
 from atlantis_netcfg.core.secret import MASK, Secret
-from atlantis_netcfg.routeros.console.types import (
-    COMMAND_S,
-    CONNECT_S,
-    Console,
-    ConsoleCommandError,
-    ConsoleLoginError,
-    ConsoleLost,
-    ConsoleUnreachable,
-    ConsoleWire,
-    SafeModeHeld,
-    WireLost,
-    parse_rows,
-)
+from atlantis_netcfg.routeros.console import types
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -157,7 +145,7 @@ _TAKEN_S = 30.0
 _BYE_S = 5.0
 
 
-class _TerminalLine(ConsoleWire, Protocol):
+class _TerminalLine(types.ConsoleWire, Protocol):
     """A wire that can end a session without `/quit`."""
 
     def hang_up(self) -> None:
@@ -220,7 +208,7 @@ class Terminal:
         elif _ENTER.search(tail) or _DEFAULTS.search(tail):
             self._answer(ENTER)
         elif re.search(r"login failed|^login:\s*$", tail, re.IGNORECASE | re.MULTILINE):
-            raise ConsoleLoginError(f"{self._name}: the device did not accept the user name and password")
+            raise types.ConsoleLoginError(f"{self._name}: the device did not accept the user name and password")
         return self._at_prompt()
 
     def _tail(self) -> str:
@@ -232,7 +220,7 @@ class Terminal:
 
     # --- commands --------------------------------------------------------------------------------------------------
 
-    def run(self, command: str, *, timeout_s: float = COMMAND_S, secrets: Sequence[Secret] = ()) -> str:
+    def run(self, command: str, *, timeout_s: float = types.COMMAND_S, secrets: Sequence[Secret] = ()) -> str:
         """Run one line."""
         if "\n" in command or "\r" in command:
             raise ValueError("one line at a time: quote line ends as \\n")
@@ -247,24 +235,24 @@ class Terminal:
         output = self._output(lines, mark if is_done else None)
         if not is_done:
             words = _mask_secrets(" ".join(output.split()), secrets) or "no answer"
-            raise ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
+            raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
         return output
 
-    def ask(self, command: str, question: str, answer: str, *, timeout_s: float = COMMAND_S) -> None:
+    def ask(self, command: str, question: str, answer: str, *, timeout_s: float = types.COMMAND_S) -> None:
         """Run a command that asks back."""
         self._screen.clear()
         self._send(command.encode() + ENTER, in_flight=False)
         self._until(lambda: question in self._tail() or self._quiet_prompt(), timeout_s, in_flight=False)
         if question not in self._tail():
             words = " ".join(self._output([line.rstrip() for line in self._screen.text()], None).split())
-            raise ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
+            raise types.ConsoleCommandError(f"{self._name}: the device refused a command: {words}", words=words)
         self._send(answer.encode(), in_flight=True)
 
-    def rows(self, menu: str, *, where: str = "", timeout_s: float = COMMAND_S) -> list[dict[str, str]]:
+    def rows(self, menu: str, *, where: str = "", timeout_s: float = types.COMMAND_S) -> list[dict[str, str]]:
         """Rows of a menu."""
         condition = f" where {where}" if where else ""
         output = self.run(f":put [{menu} print detail as-value{condition}]", timeout_s=timeout_s)
-        return parse_rows(output.replace("\n", ""))
+        return types.parse_rows(output.replace("\n", ""))
 
     def _has_mark(self, mark: str) -> bool:
         """Whether the mark came and the prompt after it, or the prompt alone: then the line stopped at an error."""
@@ -310,7 +298,7 @@ class Terminal:
         if self._hijacking():
             self._answer(b"d")
             self._sync(_TAKEN_S, in_flight=False)
-            raise SafeModeHeld(
+            raise types.SafeModeHeld(
                 f"{self._name}: somebody else holds safe mode on this device; it was left alone",
                 hint="wait until that session is over, then run the same command again",
             )
@@ -339,7 +327,7 @@ class Terminal:
             deadline = time.monotonic() + _BYE_S
             while time.monotonic() < deadline and "ogin:" not in self._tail():
                 self._screen.feed(self._wire.read(0.2))
-        except WireLost:
+        except types.WireLost:
             pass
         finally:
             self._lost = True
@@ -366,13 +354,13 @@ class Terminal:
             raise self._loss_error("the session is over", in_flight=False)
         try:
             self._wire.write(data)
-        except WireLost as error:
+        except types.WireLost as error:
             raise self._loss_error("the connection was lost", in_flight=in_flight) from error
 
     def _receive(self, timeout_s: float, *, in_flight: bool) -> bytes:
         try:
             data = self._wire.read(timeout_s)
-        except WireLost as error:
+        except types.WireLost as error:
             raise self._loss_error("the connection was lost", in_flight=in_flight) from error
         self._screen.feed(data)
         if self._screen.size > MOST:
@@ -390,10 +378,10 @@ class Terminal:
                 raise self._loss_error(f"no answer within {timeout_s:.0f} s", in_flight=in_flight)
             self._receive(remaining_s, in_flight=in_flight)
 
-    def _loss_error(self, why: str, *, in_flight: bool) -> ConsoleLost:
+    def _loss_error(self, why: str, *, in_flight: bool) -> types.ConsoleLost:
         self._lost = True
         self._wire.close()
-        return ConsoleLost(
+        return types.ConsoleLost(
             f"{self._name}: {why}",
             in_flight=in_flight,
             hint="whether the last command was done is not known" if in_flight else None,
@@ -431,7 +419,7 @@ class SerialWire:
             first: bytes = self._port.read(1)
             return first + self._port.read(self._port.in_waiting) if first else b""
         except (serial.SerialException, OSError, TypeError) as error:  # TypeError: closed under pyserial's feet
-            raise WireLost from error
+            raise types.WireLost from error
 
     def write(self, data: bytes) -> None:
         """Send, and wait until it is out."""
@@ -439,7 +427,7 @@ class SerialWire:
             self._port.write(data)
             self._port.flush()
         except (serial.SerialException, OSError) as error:
-            raise WireLost from error
+            raise types.WireLost from error
 
     def close(self) -> None:
         """Let the tty go; whoever is logged in stays so."""
@@ -452,8 +440,8 @@ class SerialWire:
 
 
 def open_serial(
-    device_path: str, user: str, password: Secret, *, baud: int = BAUD, timeout_s: float = CONNECT_S
-) -> Console:
+    device_path: str, user: str, password: Secret, *, baud: int = BAUD, timeout_s: float = types.CONNECT_S
+) -> types.Console:
     """Log in over a serial line; a session that an earlier run left there is ended first, its safe mode undone.
 
     Raises ConsoleUnreachable (no such tty, in use, silent), LoginFailed, ConsoleLost.
@@ -461,7 +449,7 @@ def open_serial(
     try:
         port = serial.Serial(device_path, baud, timeout=1, write_timeout=timeout_s, exclusive=True)
     except (serial.SerialException, OSError, ValueError) as error:
-        raise ConsoleUnreachable(
+        raise types.ConsoleUnreachable(
             f"{device_path}: the serial line cannot be opened: {error.__class__.__name__}",
             hint="is the adapter plugged in, may you use it (group dialout), and does nobody else (minicom, screen)?",
         ) from error
@@ -471,9 +459,9 @@ def open_serial(
         login.log_in(user, password)
         terminal = Terminal(wire, user=user, name=device_path, screen=login.screen)
         terminal.settle(timeout_s)
-    except WireLost as error:
+    except types.WireLost as error:
         wire.close()
-        raise ConsoleLost(f"{device_path}: the serial line was lost", in_flight=False) from error
+        raise types.ConsoleLost(f"{device_path}: the serial line was lost", in_flight=False) from error
     except BaseException:
         wire.close()
         raise
@@ -498,7 +486,7 @@ class _Login:
         while True:
             tail = self._tail()
             if _LOGIN_ERROR.search("\n".join(self.screen.text())) or _LOGIN.search(tail):
-                raise ConsoleLoginError(
+                raise types.ConsoleLoginError(
                     f"{self._name}: the device did not accept the user name and password",
                     hint="the factory's password is on the sticker of newer devices, and empty on older ones",
                 )
@@ -543,14 +531,16 @@ class _Login:
 
     def _read(self, timeout_s: float = _NUDGE_S) -> bytes:
         if time.monotonic() > self._deadline:
-            raise ConsoleUnreachable(
+            raise types.ConsoleUnreachable(
                 f"{self._name}: nothing that looks like a RouterOS console answers on this line",
                 hint="is the cable in the console port, the device switched on, and the speed right (115200)?",
             )
         data = self._wire.read(timeout_s)
         self.screen.feed(data)
         if self.screen.size > MOST:
-            raise ConsoleUnreachable(f"{self._name}: what is on this line sends without an end: no RouterOS console")
+            raise types.ConsoleUnreachable(
+                f"{self._name}: what is on this line sends without an end: no RouterOS console"
+            )
         return data
 
     def _tail(self) -> str:

@@ -8,16 +8,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import TRUST, DeviceError, NetcfgError, OutcomeUnknown
-from atlantis_netcfg.core.events import Event, Stage, Subscriber
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors, events
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.console.types import (
-    ConsoleLoginError,
-    ConsoleLost,
-    ConsoleUnreachable,
-    HostKeyMismatch,
-    SafeModeHeld,
-)
+from atlantis_netcfg.routeros.console import types
 from atlantis_netcfg.routeros.first_contact.steps import (
     CERTIFICATE,
     FACTORY_USER,
@@ -37,37 +31,35 @@ from atlantis_netcfg.routeros.first_contact.steps import (
     prepare,
     recognise,
 )
-from atlantis_netcfg.runs import ContactStep, ContactStepDone, DeviceObservation, PinRecord, Pins, Recorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.routeros.console.types import Console
     from atlantis_netcfg.routeros.rsc import Export
 
 
-class PreflightError(DeviceError):
+class PreflightError(errors.DeviceError):
     """The device cannot become what is declared; nothing was touched. `errors` are all the reasons."""
 
     def __init__(self, objections: Sequence[Objection]) -> None:
         super().__init__("; ".join(item.message for item in objections))
-        self.errors = tuple(DeviceError(objection.message, hint=objection.hint) for objection in objections)
+        self.errors = tuple(errors.DeviceError(objection.message, hint=objection.hint) for objection in objections)
 
 
-class NotFactoryFresh(DeviceError):
+class NotFactoryFresh(errors.DeviceError):
     """Somebody has configured the device; nothing was touched."""
 
 
-class StillToMove(DeviceError):
+class StillToMove(errors.DeviceError):
     """All is ready beside the old way in; nobody has come over the new one yet."""
 
 
-class AdoptionIncomplete(DeviceError):
+class AdoptionIncomplete(errors.DeviceError):
     """The device did not reach the adopted state although every command was accepted."""
 
 
-class CutOff(OutcomeUnknown):
+class CutOff(errors.OutcomeUnknown):
     """The connection was lost in the middle; first contact may be repeated."""
 
 
@@ -187,13 +179,13 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
     """Say of whatever breaks in that the same command goes on."""
     try:
         yield
-    except ConsoleLost as lost:
+    except types.ConsoleLost as lost:
         raise CutOff(
             f"{target.name}: {lost}",
             hint="run the same command again: first contact goes on where it was cut",
         ) from lost
-    except HostKeyMismatch as changed:
-        raise HostKeyMismatch(
+    except types.HostKeyMismatch as changed:
+        raise types.HostKeyMismatch(
             f"{target.name}: the SSH host key is not the one that was pinned at first contact; "
             f"pinned is {changed.pinned_key}, it showed {changed.actual_key}",
             pinned_key=changed.pinned_key,
@@ -201,14 +193,14 @@ def repeatable(target: AdoptionTarget) -> Iterator[None]:
             hint="another device, or somebody in between: no password was sent to it\n"
             "if it is another box than before, or was reset on purpose: the same command with --replaced",
         ) from changed
-    except SafeModeHeld as unavailable:
-        raise DeviceError(
+    except types.SafeModeHeld as unavailable:
+        raise errors.DeviceError(
             f"{target.name}: somebody else holds safe mode on the device",
             hint="a session that was cut lets go after about 9 minutes; then run the same command again",
         ) from unavailable
 
 
-def cut_off(target: AdoptionTarget, step: AdoptionStep, error: ConsoleLost) -> CutOff:
+def cut_off(target: AdoptionTarget, step: AdoptionStep, error: types.ConsoleLost) -> CutOff:
     """Say at which step the connection was lost."""
     hint = "run the same command again: first contact goes on where it was cut"
     if step.key == "management":
@@ -232,7 +224,7 @@ def not_fresh(target: AdoptionTarget, facts: BoxFacts) -> NotFactoryFresh:
     )
 
 
-def still_to_move(target: AdoptionTarget, error: NetcfgError) -> StillToMove:
+def still_to_move(target: AdoptionTarget, error: errors.NetcfgError) -> StillToMove:
     """Say where the laptop has to go."""
     return StillToMove(
         f"nobody answered at {target.host} ({error}); the default configuration is still on the router, "
@@ -254,21 +246,21 @@ class ConsoleExecutor:
     """Types; never decides."""
 
     target: AdoptionTarget
-    journal: Recorder
-    notify: Subscriber
+    journal: runs.Recorder
+    notify: events.Subscriber
 
-    def do(self, steps: Sequence[AdoptionStep], console: Console, *, in_safe_mode: bool = False) -> None:
+    def do(self, steps: Sequence[AdoptionStep], console: types.Console, *, in_safe_mode: bool = False) -> None:
         """Type every line of every step. `held`: safe mode is held already. Raises CutOff, ConsoleRefused."""
         for step in steps:
-            self.journal.write(ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
-            self.notify(Event(self.target.name, Stage.APPLYING, step.title))
+            self.journal.write(runs.ContactStep(device=self.target.name, step=step.key, commands=len(step.lines)))
+            self.notify(events.Event(self.target.name, events.Stage.APPLYING, step.title))
             try:
                 self._type(step, console, is_guarded=step.is_guarded and not in_safe_mode)
-            except ConsoleLost as lost:
+            except types.ConsoleLost as lost:
                 raise cut_off(self.target, step, lost) from lost
-            self.journal.write(ContactStepDone(device=self.target.name, step=step.key))
+            self.journal.write(runs.ContactStepDone(device=self.target.name, step=step.key))
 
-    def _type(self, step: AdoptionStep, console: Console, *, is_guarded: bool) -> None:
+    def _type(self, step: AdoptionStep, console: types.Console, *, is_guarded: bool) -> None:
         size = GUARDED_LINES if is_guarded else len(step.lines)
         for start in range(0, len(step.lines), size):
             with safe(console) if is_guarded else nullcontext():
@@ -277,14 +269,14 @@ class ConsoleExecutor:
 
 
 @contextmanager
-def safe(console: Console) -> Iterator[None]:
+def safe(console: types.Console) -> Iterator[None]:
     """Safe mode: released when all went well, else the session ends and the device undoes."""
     deadline = time.monotonic() + _HELD_S
     while True:
         try:
             console.take_safe_mode()
             break
-        except SafeModeHeld:
+        except types.SafeModeHeld:
             if time.monotonic() > deadline:
                 raise
             time.sleep(_RETRY_S)
@@ -307,9 +299,9 @@ class FirstContact:
 
     target: AdoptionTarget
     routes: ConsoleRoutes
-    pins: Pins
-    journal: Recorder
-    notify: Subscriber
+    pins: runs.Pins
+    journal: runs.Recorder
+    notify: events.Subscriber
     factory_passwords: Callable[[], Iterator[Secret]]
     """Passwords of the factory's user to be tried, asked for only as far as needed."""
     take_over: bool = False
@@ -342,11 +334,11 @@ class FirstContact:
     def _adopt(self, agree: Callable[[AdoptionOutcome], None]) -> AdoptionOutcome:
         with self._console(None) as (console, route):
             facts, device_state = self._judge(console)
-            self._tell(Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {device_state}")
+            self._tell(events.Stage.OBSERVED, f"{facts.board}, RouterOS {facts.version}, {device_state}")
             if device_state is DeviceState.ADOPTED:
                 return self._already(console, facts)
             if not route.serial and not self._has_known_key:
-                self._tell(Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
+                self._tell(events.Stage.OBSERVED, f"it shows the SSH host key {self.routes.host_key}")
             plan = AdoptionOutcome(AdoptionStatus.PLANNED, device_state, self._titles(facts), facts=facts)
             agree(plan)
             state = facts.text if facts.text.endswith("\n") else f"{facts.text}\n"
@@ -369,7 +361,7 @@ class FirstContact:
 
     # --- looking ---------------------------------------------------------------------------------------------------
 
-    def _judge(self, console: Console) -> tuple[BoxFacts, DeviceState]:
+    def _judge(self, console: types.Console) -> tuple[BoxFacts, DeviceState]:
         facts = look(console)
         self._record_observation(facts)
         state = recognise(facts, self.target, self.now())
@@ -386,7 +378,7 @@ class FirstContact:
             {},
         )
         self.journal.write(
-            DeviceObservation(
+            runs.DeviceObservation(
                 device=self.target.name, version=str(facts.version), identity=identity.get("name") or "", state=""
             )
         )
@@ -399,7 +391,7 @@ class FirstContact:
     # --- consoles --------------------------------------------------------------------------------------------------
 
     @contextmanager
-    def _console(self, route: ConsoleRoute | None) -> Iterator[tuple[Console, ConsoleRoute]]:
+    def _console(self, route: ConsoleRoute | None) -> Iterator[tuple[types.Console, ConsoleRoute]]:
         """A console on `way` as our user; without a way: wherever and as whoever the device lets us in."""
         if route is None:
             console, route = self._connect()
@@ -410,69 +402,69 @@ class FirstContact:
         finally:
             console.close()
 
-    def _connect(self) -> tuple[Console, ConsoleRoute]:
+    def _connect(self) -> tuple[types.Console, ConsoleRoute]:
         """Where the technician says; a device that was met before may be at its management address by now."""
         first, final = self.routes.first, self.routes.final
         self._has_known_key = self.routes.host_key is not None
         has_pin = self.pins.get(self.target.name) is not None
         if has_pin and not first.serial:
-            with suppress(ConsoleUnreachable, ConsoleLoginError):
+            with suppress(types.ConsoleUnreachable, types.ConsoleLoginError):
                 return self._at_home(final), final
-        self._tell(Stage.CONNECTING, f"to {first.label}")
+        self._tell(events.Stage.CONNECTING, f"to {first.label}")
         try:
             return self._log_in(first, ours_first=has_pin), first
-        except ConsoleUnreachable:
+        except types.ConsoleUnreachable:
             if has_pin or first.serial or first is final:
                 raise
-            with suppress(ConsoleUnreachable):
+            with suppress(types.ConsoleUnreachable):
                 return self._log_in(final, ours_first=True), final
             raise
 
-    def _at_home(self, final: ConsoleRoute) -> Console:
+    def _at_home(self, final: ConsoleRoute) -> types.Console:
         """The management address; a host key that is not known yet is believed where TLS has proved the device."""
         pin = self.pins.get(self.target.name)
         if self.routes.host_key is None and pin is not None:
             final.prove(pin)
         return final.open(self.target.user, self.target.password)
 
-    def _log_in(self, route: ConsoleRoute, *, ours_first: bool) -> Console:
+    def _log_in(self, route: ConsoleRoute, *, ours_first: bool) -> types.Console:
         """Whoever shows a host key that nobody has agreed to is told the factory's password, and never ours."""
         is_trusted = route.serial or self._has_known_key
         if ours_first and is_trusted:
-            with suppress(ConsoleLoginError):
+            with suppress(types.ConsoleLoginError):
                 return route.open(self.target.user, self.target.password)
         for password in self.factory_passwords():
-            with suppress(ConsoleLoginError):
+            with suppress(types.ConsoleLoginError):
                 return route.open(FACTORY_USER, password)
         if not is_trusted:
-            raise ConsoleLoginError(
+            raise types.ConsoleLoginError(
                 f"{route.label}: the device does not let {FACTORY_USER} in; its SSH host key is not known here, so the "
                 f"password of {self.target.user} was not tried",
-                hint=f"if it was adopted on another computer: {TRUST}, then type the same again\n{_STICKER}",
+                hint=f"if it was adopted on another computer: {errors.TRUST}, then type the same again\n{_STICKER}",
             )
         try:
             return route.open(self.target.user, self.target.password)
-        except ConsoleLoginError as failed:
-            raise ConsoleLoginError(
+        except types.ConsoleLoginError as failed:
+            raise types.ConsoleLoginError(
                 f"{route.label}: the device let in neither {FACTORY_USER} nor {self.target.user}",
                 hint=_STICKER,
             ) from failed
 
     def _let_in(self, route: ConsoleRoute) -> None:
         """Our user has to be seen to log in before the factory's is disabled."""
-        self._tell(Stage.VERIFYING, f"user {self.target.user} logs in")
+        self._tell(events.Stage.VERIFYING, f"user {self.target.user} logs in")
         with self._console(route):
             return
 
     # --- typing ----------------------------------------------------------------------------------------------------
 
-    def _prepare(self, console: Console) -> None:
+    def _prepare(self, console: types.Console) -> None:
         """Wait until no cut session holds safe mode any more, look again, then add what is missing."""
         with safe(console):
             pass
         self._typist.do(prepare(look(console), self.target, self.now()), console)
 
-    def _clear(self, console: Console, route: ConsoleRoute, pin: str) -> None:
+    def _clear(self, console: types.Console, route: ConsoleRoute, pin: str) -> None:
         """Remove the default configuration; a new session proves the way before safe mode lets it go for good."""
         with safe(console):
             steps = clear(look(console))
@@ -486,7 +478,7 @@ class FirstContact:
 
     def _still_there(self, route: ConsoleRoute, pin: str) -> None:
         if not route.serial:
-            self._tell(Stage.VERIFYING, f"api-ssl at {route.label}, in a new session")
+            self._tell(events.Stage.VERIFYING, f"api-ssl at {route.label}, in a new session")
             route.prove(pin)
 
     # --- trust -----------------------------------------------------------------------------------------------------
@@ -496,9 +488,9 @@ class FirstContact:
         key = self.routes.host_key
         if key is not None and self.pins.host_key(self.target.name) != key:
             self.pins.change_host_key(self.target.name, key)
-            self._tell(Stage.CONNECTING, f"its SSH host key is pinned: {key}")
+            self._tell(events.Stage.CONNECTING, f"its SSH host key is pinned: {key}")
 
-    def _pin(self, console: Console) -> str:
+    def _pin(self, console: types.Console) -> str:
         """Pin the certificate by what the console says: never by what TLS shows."""
         pin = fingerprint(console, CERTIFICATE)
         if not pin:
@@ -508,11 +500,11 @@ class FirstContact:
             )
         if self.pins.get(self.target.name) != pin:
             self.pins.change(self.target.name, pin)
-            self._tell(Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
-        self.journal.write(PinRecord(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
+            self._tell(events.Stage.CONFIRMED, f"its certificate is pinned: SHA-256 {pin}")
+        self.journal.write(runs.PinRecord(device=self.target.name, certificate=pin, host_key=self.routes.host_key))
         return pin
 
-    def _already(self, console: Console, facts: BoxFacts) -> AdoptionOutcome:
+    def _already(self, console: types.Console, facts: BoxFacts) -> AdoptionOutcome:
         if self.pins.get(self.target.name) is None or self.pins.host_key(self.target.name) is None:
             self._record_host_key()
             self._pin(console)
@@ -527,7 +519,7 @@ class FirstContact:
             return final
         self._prove_here(route, pin, notes)
         self._tell(
-            Stage.WAITING,
+            events.Stage.WAITING,
             f"now plug the laptop into {self.target.port}, with address {self.target.laptop}: "
             f"{self.target.host} is where the router is from now on",
             self.wait_s,
@@ -536,7 +528,7 @@ class FirstContact:
         while True:
             try:
                 final.prove(pin)
-            except NetcfgError as error:
+            except errors.NetcfgError as error:
                 if time.monotonic() > deadline:
                     raise still_to_move(self.target, error) from error
                 time.sleep(_PAUSE_S)
@@ -546,7 +538,7 @@ class FirstContact:
     def _prove_here(self, route: ConsoleRoute, pin: str, notes: list[str]) -> None:
         try:
             route.prove(pin)
-        except NetcfgError as error:
+        except errors.NetcfgError as error:
             notes.append(f"api-ssl could not be tried at {route.label}: {error}")
 
     def _from_afar(self, pin: str, notes: list[str]) -> None:
@@ -555,7 +547,7 @@ class FirstContact:
         try:
             final.prove(pin)
             final.meet()
-        except NetcfgError:
+        except errors.NetcfgError:
             notes.append(
                 f"not verified, because the laptop is on the serial line: that {self.target.host} answers on "
                 f"{self.target.port}; plug into {self.target.port} with address {self.target.laptop}, and "
@@ -574,5 +566,5 @@ class FirstContact:
 
     # --- words -----------------------------------------------------------------------------------------------------
 
-    def _tell(self, stage: Stage, message: str, limit_s: float = 0.0) -> None:
-        self.notify(Event(self.target.name, stage, message, limit_s=limit_s))
+    def _tell(self, stage: events.Stage, message: str, limit_s: float = 0.0) -> None:
+        self.notify(events.Event(self.target.name, stage, message, limit_s=limit_s))

@@ -7,23 +7,16 @@ Types of first contact: the target state, the facts read, the routes to the cons
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.console.types import Console, ConsoleCommandError, parse_rows
-from atlantis_netcfg.routeros.rsc import Export, RscError, Statement, console_path, parse, quote
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from atlantis_netcfg.core.secret import Secret
-from dataclasses import field
 from enum import StrEnum
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING, Protocol
+
+from atlantis_netcfg.core.errors import DeviceError
+from atlantis_netcfg.core.versions import Version
+from atlantis_netcfg.routeros import rsc
+from atlantis_netcfg.routeros.console import types
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -84,7 +77,7 @@ def comment_is_ours(comment: str) -> bool:
     return comment.startswith("atlantis")
 
 
-def is_default(statement: Statement) -> bool:
+def is_default(statement: rsc.Statement) -> bool:
     """Whether the factory's script made this row."""
     values = dict(statement.values)
     comment = values.get("comment") or ""
@@ -93,7 +86,7 @@ def is_default(statement: Statement) -> bool:
     return comment.startswith("defconf") or values.get("name") in _KNOWN_NAMES.get(statement.menu, ())
 
 
-def is_foreign(statement: Statement) -> bool:
+def is_foreign(statement: rsc.Statement) -> bool:
     """Whether neither the factory nor this toolkit wrote this line of an export."""
     values = dict(statement.values)
     if comment_is_ours(values.get("comment") or "") or is_default(statement):
@@ -186,7 +179,9 @@ def clear(facts: BoxFacts) -> tuple[AdoptionStep, ...]:
     for menu in CLEARED_MENUS:
         if menu == "/interface/list/member":
             lines += back
-        lines += [ConsoleLine(f"{console_path(menu)} remove {row['.id']}") for row in removable(menu, facts.rows[menu])]
+        lines += [
+            ConsoleLine(f"{rsc.console_path(menu)} remove {row['.id']}") for row in removable(menu, facts.rows[menu])
+        ]
     if not lines:
         return ()
     return (
@@ -211,14 +206,14 @@ def _radios_off(facts: BoxFacts) -> Iterator[ConsoleLine]:
             and values.get("disabled") == "no"
             and not ours
         ):
-            where = " ".join(f"{name}={quote(value or '')}" for name, value in statement.find)
-            yield ConsoleLine(f"{console_path(statement.menu)} set [ find {where} ] disabled=yes")
+            where = " ".join(f"{name}={rsc.quote(value or '')}" for name, value in statement.find)
+            yield ConsoleLine(f"{rsc.console_path(statement.menu)} set [ find {where} ] disabled=yes")
 
 
 def close_door(facts: BoxFacts, target: AdoptionTarget) -> tuple[AdoptionStep, ...]:
     """Disable everybody but our user."""
     names = factory_users(facts, target)
-    lines = tuple(ConsoleLine(f"/user disable {quote(name)}") for name in names)
+    lines = tuple(ConsoleLine(f"/user disable {rsc.quote(name)}") for name in names)
     return (AdoptionStep("users", f"disable user {', '.join(names)}", lines),) if lines else ()
 
 
@@ -242,12 +237,12 @@ def _user(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     account = next((user for user in facts.users if user.get("name") == target.user), None)
     if account is None:
         line = ConsoleLine(
-            f"/user add name={quote(target.user)} group=full {password} comment=atlantis", (target.password,)
+            f"/user add name={rsc.quote(target.user)} group=full {password} comment=atlantis", (target.password,)
         )
         return AdoptionStep("user", f"add user {target.user} (group full)", (line,))
     if account.get("group") == "full" and account.get("disabled") not in _TRUE:
         return None
-    line = ConsoleLine(f"/user set {quote(target.user)} group=full disabled=no {password}", (target.password,))
+    line = ConsoleLine(f"/user set {rsc.quote(target.user)} group=full disabled=no {password}", (target.password,))
     return AdoptionStep("user", f"let user {target.user} in (group full)", (line,))
 
 
@@ -256,9 +251,9 @@ def _certificate(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None
     match = next((certificate for certificate in facts.certificates if certificate.get("name") == CERTIFICATE), None)
     sign = ConsoleLine(f"/certificate sign {CERTIFICATE}", timeout_s=SIGN_S)
     if match is None:
-        names = quote(f"IP:{target.host},DNS:{target.name}")
+        names = rsc.quote(f"IP:{target.host},DNS:{target.name}")
         add = ConsoleLine(
-            f"/certificate add name={CERTIFICATE} common-name={quote(target.name)} subject-alt-name={names} "
+            f"/certificate add name={CERTIFICATE} common-name={rsc.quote(target.name)} subject-alt-name={names} "
             f"key-size={_KEY_SIZE} days-valid={_DAYS_VALID} key-usage={_USAGE}"
         )
         return AdoptionStep("certificate", f"make certificate {CERTIFICATE} on the device", (add, sign))
@@ -290,8 +285,8 @@ def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
     if not there or lines:
         lines += _let_in(facts, name)
     if not there:
-        value = f"address={target.address} interface={quote(name)}"
-        lines.append(ConsoleLine(f"/ip address add {value} comment={quote(MARK)}"))
+        value = f"address={target.address} interface={rsc.quote(name)}"
+        lines.append(ConsoleLine(f"/ip address add {value} comment={rsc.quote(MARK)}"))
     title = f"management address {target.address} on {target.port}"
     soon = tuple(replace(line, timeout_s=PORT_S) for line in lines)
     return AdoptionStep("management", title, soon, is_guarded=True) if lines else None
@@ -300,11 +295,11 @@ def _port(facts: BoxFacts, target: AdoptionTarget) -> AdoptionStep | None:
 def _free_port(facts: BoxFacts, name: str) -> Iterator[ConsoleLine]:
     ethernet = next((row for row in facts.ethernets if row.get("name") == name), {})
     if ethernet.get("disabled") in _TRUE:
-        yield ConsoleLine(f"/interface ethernet enable {quote(name)}")
+        yield ConsoleLine(f"/interface ethernet enable {rsc.quote(name)}")
     for menu in ("/interface/bridge/port", "/ip/dhcp-client"):
         for row in facts.rows[menu]:
             if row.get("interface") == name and row.get("dynamic") not in _TRUE:
-                yield ConsoleLine(f"{console_path(menu)} remove {row['.id']}")
+                yield ConsoleLine(f"{rsc.console_path(menu)} remove {row['.id']}")
 
 
 def _let_in(facts: BoxFacts, name: str) -> list[ConsoleLine]:
@@ -312,7 +307,7 @@ def _let_in(facts: BoxFacts, name: str) -> list[ConsoleLine]:
     rules = [row for row in facts.rows["/ip/firewall/filter"] if row.get("dynamic") not in _TRUE]
     if not rules or any(row.get("comment", "") == TEMPORARY for row in rules):
         return []
-    rule = f"chain=input action=accept in-interface={quote(name)} comment={quote(TEMPORARY)}"
+    rule = f"chain=input action=accept in-interface={rsc.quote(name)} comment={rsc.quote(TEMPORARY)}"
     return [ConsoleLine(f"/ip firewall filter add {rule} place-before={rules[0]['.id']}")]
 
 
@@ -325,14 +320,14 @@ def _resets(facts: BoxFacts) -> list[ConsoleLine]:
                 device_row |= {name: value or "" for name, value in statement.values}
         change = {name: value for name, value in plain.items() if device_row.get(name, value) != value}
         if change:
-            values = " ".join(f"{name}={quote(value)}" for name, value in change.items())
-            lines.append(ConsoleLine(f"{console_path(menu)} set {values}"))
+            values = " ".join(f"{name}={rsc.quote(value)}" for name, value in change.items())
+            lines.append(ConsoleLine(f"{rsc.console_path(menu)} set {values}"))
     return lines
 
 
 def _quote_value(value: str) -> str:
     """A value for the command line; an empty one is refused bare."""
-    return quote(value) if value else '""'
+    return rsc.quote(value) if value else '""'
 
 
 def recognise(facts: BoxFacts, target: AdoptionTarget, now: datetime) -> DeviceState:
@@ -365,7 +360,7 @@ def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
     for statement in facts.export.statements:
         if is_foreign(statement):
             lines[statement.menu] = lines.get(statement.menu, 0) + 1
-    items = [f"{console_path(menu)} ({count})" for menu, count in lines.items()]
+    items = [f"{rsc.console_path(menu)} ({count})" for menu, count in lines.items()]
     users = [user.get("name", "") for user in facts.users if user.get("name") not in (FACTORY_USER, target.user)]
     items += [f"user {name}" for name in users]
     certificates = [certificate.get("name", "") for certificate in facts.certificates]
@@ -375,7 +370,7 @@ def foreign(facts: BoxFacts, target: AdoptionTarget) -> tuple[str, ...]:
 _NO_MENU = ("bad command name", "no such command", "expected end of command", "syntax error")
 
 
-def look(console: Console) -> BoxFacts:
+def look(console: types.Console) -> BoxFacts:
     """Read everything that first contact decides by. Raises DeviceFailed if it is no RouterOS that can be read."""
     resource = _settings(console, "/system/resource") or {}
     try:
@@ -385,8 +380,8 @@ def look(console: Console) -> BoxFacts:
     option = " hide-sensitive" if version < Version(7, 0) else ""
     text = console.run(f"/export{option}")
     try:
-        export = parse(text, "the device's export")
-    except RscError as error:
+        export = rsc.parse(text, "the device's export")
+    except rsc.RscError as error:
         raise DeviceError(f"the device's export could not be read: {error}") from error
     return BoxFacts(
         version=version,
@@ -405,34 +400,34 @@ def look(console: Console) -> BoxFacts:
     )
 
 
-def fingerprint(console: Console, certificate: str) -> str:
+def fingerprint(console: types.Console, certificate: str) -> str:
     """SHA-256 of a certificate on the device, as its console prints it; empty before it is signed."""
     matches = [row for row in _rows(console, "/certificate") if row.get("name") == certificate]
     return matches[0].get("fingerprint", "").replace(":", "").lower() if matches else ""
 
 
-def _rows(console: Console, menu: str) -> tuple[Row, ...]:
+def _rows(console: types.Console, menu: str) -> tuple[Row, ...]:
     """Rows of a menu; none where this version or these packages do not have the menu."""
     try:
-        return tuple(console.rows(console_path(menu)))
-    except ConsoleCommandError as refused:
+        return tuple(console.rows(rsc.console_path(menu)))
+    except types.ConsoleCommandError as refused:
         if refused.words.startswith(_NO_MENU):
             return ()
         raise
 
 
-def _settings(console: Console, menu: str) -> Row | None:
+def _settings(console: types.Console, menu: str) -> Row | None:
     """The one row of a menu of settings, which have no `detail`."""
     try:
-        rows = parse_rows(console.run(f":put [{console_path(menu)} print as-value]").replace("\n", ""))
-    except ConsoleCommandError as refused:
+        rows = types.parse_rows(console.run(f":put [{rsc.console_path(menu)} print as-value]").replace("\n", ""))
+    except types.ConsoleCommandError as refused:
         if refused.words.startswith(_NO_MENU):
             return None
         raise
     return rows[0] if rows else None
 
 
-def _packages(console: Console) -> tuple[str, ...]:
+def _packages(console: types.Console) -> tuple[str, ...]:
     rows = _rows(console, "/system/package")
     return tuple(row.get("name", "") for row in rows if row.get("disabled") not in ("true", "yes"))
 
@@ -530,7 +525,7 @@ class BoxFacts:
     ethernets: tuple[Row, ...]
     rows: Mapping[str, tuple[Row, ...]]
     """Rows of the menus that a default configuration fills, by menu."""
-    export: Export
+    export: rsc.Export
     text: str
     """The export as it was printed, without secrets."""
 
@@ -542,7 +537,7 @@ class ConsoleRoute(Protocol):
     """As a person would say it: an address, or a serial line."""
     serial: bool
 
-    def open(self, user: str, password: Secret) -> Console:
+    def open(self, user: str, password: Secret) -> types.Console:
         """Log in. Raises ConsoleUnreachable, LoginFailed, HostKeyChanged, ConsoleLost."""
 
     def prove(self, pin: str) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from atlantis_netcfg.routeros._types import Layer, Observation, Plan
+from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.guard import _access, _firewall, _link, _route
 from atlantis_netcfg.routeros.guard._access import touches_path
 from atlantis_netcfg.routeros.guard._state import INTERFACES, ManagementPath, State
@@ -43,19 +43,19 @@ WAY_BACK = (*INTERFACES, "/interface/bridge/port", "/ip/address", "/ip/route", "
 """Those of them that decide where our answers leave: enough for a plan of routes alone that does not move them."""
 
 
-def moves_answers(plan: Plan, observation: Observation, path: ManagementPath) -> bool:
+def moves_answers(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:
     """Tell whether a plan of routes leads our answers another way; if not, all else judges them by rows as before."""
     later = State(simulate(observation.rows, plan), path)
     return _route.decisions(State(observation.rows, path)) != _route.decisions(later)
 
 
-def objections(plan: Plan, observation: Observation, path: ManagementPath) -> tuple[str, ...]:
+def objections(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> tuple[str, ...]:
     """Return why the plan would cut `path`, one sentence each, with what to do instead; nothing if it would not.
 
     A new name of a port moves no packet, so that before and after are compared under the new names; how a port is
     called today is said beside them.
     """
-    names = [action for action in plan.actions if action.layer is Layer.NAMES]
+    names = [action for action in plan.actions if action.layer is _types.Layer.NAMES]
     before = State(after(observation.rows, names), path)
     later = State(simulate(observation.rows, plan), path)
     link = tuple(_link.objections(before, later))
@@ -65,7 +65,7 @@ def objections(plan: Plan, observation: Observation, path: ManagementPath) -> tu
     return tuple(dict.fromkeys(_with_names_of_today(reason, observation, before) for reason in reasons))
 
 
-def _with_names_of_today(reason: str, observation: Observation, renamed_state: State) -> str:
+def _with_names_of_today(reason: str, observation: _types.Observation, renamed_state: State) -> str:
     lines = [
         f"{now['name']} is the port that is called {row['name']} today"
         for menu in INTERFACES
@@ -75,7 +75,7 @@ def _with_names_of_today(reason: str, observation: Observation, renamed_state: S
     return f"{reason} ({', '.join(lines)})" if lines else reason
 
 
-def touches(plan: Plan, observation: Observation, path: ManagementPath) -> bool:
+def touches(plan: _types.Plan, observation: _types.Observation, path: ManagementPath) -> bool:
     """Tell whether any action touches the path at all, even if all is well in the end."""
     rows = dict(observation.rows)
     for action in plan.actions:

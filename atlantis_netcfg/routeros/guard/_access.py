@@ -7,17 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Action, Row, Verb
-from atlantis_netcfg.routeros.guard._firewall import (
-    FILTER,
-    MANGLE,
-    NAT,
-    MatchResult,
-    answer_of,
-    in_networks,
-    matches,
-    new_session,
-)
+from atlantis_netcfg.routeros import _types
+from atlantis_netcfg.routeros.guard import _firewall
 from atlantis_netcfg.routeros.guard._link import interfaces
 from atlantis_netcfg.routeros.guard._state import State, is_set
 from atlantis_netcfg.routeros.menus import MENUS
@@ -66,12 +57,12 @@ def _service(before: State, after: State) -> Iterator[str]:
         yield f"{text} would take one session only, and a change is verified by a second: raise max-sessions"
 
 
-def _form(name: str, row: Row) -> str:
+def _form(name: str, row: _types.Row) -> str:
     return MENUS["/ip/service"].form(name, row)
 
 
-def _admits(row: Row, state: State) -> bool:
-    return in_networks(row.get("address", ""), state.technician) is not MatchResult.NO
+def _admits(row: _types.Row, state: State) -> bool:
+    return _firewall.in_networks(row.get("address", ""), state.technician) is not _firewall.MatchResult.NO
 
 
 def _user(before: State, after: State) -> Iterator[str]:
@@ -105,7 +96,7 @@ def _policies(state: State) -> frozenset[str]:
     return frozenset(word for word in group.get("policy", "").split(",") if word and not word.startswith("!"))
 
 
-def touches_path(action: Action, before: State, after: State) -> bool:
+def touches_path(action: _types.Action, before: State, after: State) -> bool:
     """Tell whether the action changes a row of the path, as it is before or as it is after."""
     judge = _JUDGE_BY_MENU.get(action.menu)
     if judge is None or action.inert or _is_cosmetic(action):
@@ -113,40 +104,40 @@ def touches_path(action: Action, before: State, after: State) -> bool:
     return any(judge(row, state) for state in (before, after) for row in _rows(action, before, after, state))
 
 
-def _is_cosmetic(action: Action) -> bool:
+def _is_cosmetic(action: _types.Action) -> bool:
     fields = MENUS[action.menu].by_name
-    return action.verb is Verb.SET and all(fields[name.removeprefix("!")].cosmetic for name, _ in action.values)
+    return action.verb is _types.Verb.SET and all(fields[name.removeprefix("!")].cosmetic for name, _ in action.values)
 
 
-def _rows(action: Action, before: State, after: State, state: State) -> list[Row]:
+def _rows(action: _types.Action, before: State, after: State, state: State) -> list[_types.Row]:
     """Return the rows that the action is about, as `state` has them."""
-    if action.verb is Verb.ADD:
+    if action.verb is _types.Verb.ADD:
         old = {row[".id"] for row in before.all(action.menu)}
         return [row for row in after.all(action.menu) if row[".id"] not in old] if state is after else []
     # Settings are one row without an id.
     return [row for row in state.all(action.menu) if not action.ids or row.get(".id") in action.ids]
 
 
-def _has_interface(*names: str) -> Callable[[Row, State], bool]:
-    def judge(row: Row, state: State) -> bool:
+def _has_interface(*names: str) -> Callable[[_types.Row, State], bool]:
+    def judge(row: _types.Row, state: State) -> bool:
         return bool({row.get(name) for name in names} & interfaces(state))
 
     return judge
 
 
-def _address(row: Row, state: State) -> bool:
+def _address(row: _types.Row, state: State) -> bool:
     return row.get("address", "").partition("/")[0] == state.path.local or row.get("interface") in interfaces(state)
 
 
-def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[Row, State], bool]:
+def _rule_touched(menu: str, bases: Mapping[str, bool]) -> Callable[[_types.Row, State], bool]:
     """Judge a rule of any chain that packets of ours go through; `bases` says which chains see the answers."""
 
-    def judge(row: Row, state: State) -> bool:
+    def judge(row: _types.Row, state: State) -> bool:
         for base, is_answer in bases.items():
-            packet = (answer_of if is_answer else new_session)(state)
+            packet = (_firewall.answer_of if is_answer else _firewall.new_session)(state)
             if (
                 row.get("chain") in _reachable_chains(menu, base, state)
-                and matches(menu, row, packet, state) is not MatchResult.NO
+                and _firewall.matches(menu, row, packet, state) is not _firewall.MatchResult.NO
             ):
                 return True
         return False
@@ -165,27 +156,30 @@ def _reachable_chains(menu: str, base: str, state: State) -> set[str]:
     return chains
 
 
-def _list_entry(row: Row, state: State) -> bool:
+def _list_entry(row: _types.Row, state: State) -> bool:
     return any(
-        in_networks(row.get("address", ""), each) is not MatchResult.NO for each in (state.technician, state.local)
+        _firewall.in_networks(row.get("address", ""), each) is not _firewall.MatchResult.NO
+        for each in (state.technician, state.local)
     )
 
 
-def _route(row: Row, state: State) -> bool:
-    return in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not MatchResult.NO
+def _route(row: _types.Row, state: State) -> bool:
+    return (
+        _firewall.in_networks(row.get("dst-address") or "0.0.0.0/0", state.technician) is not _firewall.MatchResult.NO
+    )
 
 
-def _routing_rule(row: Row, state: State) -> bool:
+def _routing_rule(row: _types.Row, state: State) -> bool:
     ends = ((row.get("src-address", ""), state.local), (row.get("dst-address", ""), state.technician))
-    return all(in_networks(text, address) is not MatchResult.NO for text, address in ends)
+    return all(_firewall.in_networks(text, address) is not _firewall.MatchResult.NO for text, address in ends)
 
 
-def _group_touched(row: Row, state: State) -> bool:
+def _group_touched(row: _types.Row, state: State) -> bool:
     user = state.find("/user", "name", state.path.user) or {}
     return row.get("name") == user.get("group")
 
 
-_JUDGE_BY_MENU: Mapping[str, Callable[[Row, State], bool]] = {
+_JUDGE_BY_MENU: Mapping[str, Callable[[_types.Row, State], bool]] = {
     "/interface/bridge": _has_interface("name"),
     "/interface/bridge/port": _has_interface("interface", "bridge"),
     "/interface/ethernet": _has_interface("name"),
@@ -195,9 +189,9 @@ _JUDGE_BY_MENU: Mapping[str, Callable[[Row, State], bool]] = {
     "/ip/address": _address,
     "/ip/dhcp-client": _has_interface("interface"),
     "/ip/firewall/address-list": _list_entry,
-    FILTER: _rule_touched(FILTER, {"input": False, "output": True}),
-    NAT: _rule_touched(NAT, {"dstnat": False}),
-    MANGLE: _rule_touched(MANGLE, {"prerouting": False, "input": False, "output": True}),
+    _firewall.FILTER: _rule_touched(_firewall.FILTER, {"input": False, "output": True}),
+    _firewall.NAT: _rule_touched(_firewall.NAT, {"dstnat": False}),
+    _firewall.MANGLE: _rule_touched(_firewall.MANGLE, {"prerouting": False, "input": False, "output": True}),
     "/ip/route": _route,
     "/ip/service": lambda row, state: row.get("name") == state.path.service,
     "/routing/rule": _routing_rule,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros.guard import _state
 from atlantis_netcfg.routeros.guard._route import way_back
-from atlantis_netcfg.routeros.guard._state import INTERFACES, State, identity, is_set
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 _TUNNEL = "/interface/ovpn-client"
 
 
-def interfaces(state: State) -> frozenset[str]:
+def interfaces(state: _state.State) -> frozenset[str]:
     """Return the names of the interfaces that the path runs through, members of a bridge included."""
     row = state.address_row()
     names = {way_back(state).interface, row.get("interface") if row is not None else None} - {None}
@@ -24,10 +24,10 @@ def interfaces(state: State) -> frozenset[str]:
     return frozenset(name for name in names | members if name)
 
 
-def objections(before: State, after: State) -> Iterator[str]:
+def objections(before: _state.State, after: _state.State) -> Iterator[str]:
     """Yield what happens to our address, its interface and the ports behind it."""
     row = before.address_row()
-    if row is None or is_set(row, "disabled"):
+    if row is None or _state.is_set(row, "disabled"):
         return
     yield from _address(before, after, row)
     for name in sorted({row.get("interface", ""), way_back(before).interface or ""} - {""}):
@@ -37,12 +37,12 @@ def objections(before: State, after: State) -> Iterator[str]:
     yield from _tunnel(before, after)
 
 
-def _address(before: State, after: State, row: Row) -> Iterator[str]:
+def _address(before: _state.State, after: _state.State, row: Row) -> Iterator[str]:
     now = after.address_row()
     name = MENUS["/ip/address"].name_of(row)
     if now is None:
         yield f"/ip address: {name}, to which your session goes, would be removed: declare it, too"
-    elif is_set(now, "disabled"):
+    elif _state.is_set(now, "disabled"):
         yield f"/ip address: {name}, to which your session goes, would be disabled: leave it enabled"
     elif _is_cut_off(before, after, row.get("interface", ""), now.get("interface", "")):
         yield (
@@ -52,19 +52,19 @@ def _address(before: State, after: State, row: Row) -> Iterator[str]:
         )
 
 
-def _is_cut_off(before: State, after: State, old: str, new: str) -> bool:
+def _is_cut_off(before: _state.State, after: _state.State, old: str, new: str) -> bool:
     """Tell whether the address went to another interface, which some cable of before does not reach."""
     there = after.interface(new)
-    has_moved = there is not None and _identity(before, old) != identity(*there)
+    has_moved = there is not None and _identity(before, old) != _state.identity(*there)
     return has_moved and not before.ports(old) <= after.ports(new)
 
 
-def _identity(state: State, name: str) -> str:
+def _identity(state: _state.State, name: str) -> str:
     interface = state.interface(name)
-    return identity(*interface) if interface is not None else name
+    return _state.identity(*interface) if interface is not None else name
 
 
-def _ports(before: State, after: State, name: str) -> Iterator[str]:
+def _ports(before: _state.State, after: _state.State, name: str) -> Iterator[str]:
     """Yield what becomes of an interface of the path, and of the bridge ports behind it."""
     interface = before.interface(name)
     if interface is None:
@@ -74,7 +74,7 @@ def _ports(before: State, after: State, name: str) -> Iterator[str]:
     title = MENUS[menu].title
     if now is None:
         yield f"{title}: {name}, by which you come, would be removed: declare it, too"
-    elif is_set(now, "disabled") and not is_set(row, "disabled"):
+    elif _state.is_set(now, "disabled") and not _state.is_set(row, "disabled"):
         yield f"{title}: {name}, by which you come, would be disabled: leave it enabled"
     elif (bridge := after.bridge_of(now.get("name", name))) and before.bridge_of(name) != bridge:
         yield from _check_bridge_join(before, after, name, bridge)
@@ -83,7 +83,7 @@ def _ports(before: State, after: State, name: str) -> Iterator[str]:
         yield from (_describe_lost_port(before, name, port) for port in sorted(lost_ports))
 
 
-def _check_bridge_join(before: State, after: State, name: str, bridge: str) -> Iterator[str]:
+def _check_bridge_join(before: _state.State, after: _state.State, name: str, bridge: str) -> Iterator[str]:
     """A port may join a bridge if our address is on that bridge then."""
     now = after.address_row()
     if now is None or now.get("interface") != bridge:
@@ -93,28 +93,34 @@ def _check_bridge_join(before: State, after: State, name: str, bridge: str) -> I
         )
 
 
-def _describe_lost_port(before: State, bridge: str, port: str) -> str:
-    names = {identity(menu, row): row.get("name", port) for menu in INTERFACES for row in before.all(menu)}
+def _describe_lost_port(before: _state.State, bridge: str, port: str) -> str:
+    names = {
+        _state.identity(menu, row): row.get("name", port) for menu in _state.INTERFACES for row in before.all(menu)
+    }
     return (
         f"/interface bridge port: {names.get(port, port)} would no longer lead to {bridge}, and your cable may be in "
         f"it: keep it in the bridge and enabled"
     )
 
 
-def _vlans(before: State, after: State) -> Iterator[str]:
+def _vlans(before: _state.State, after: _state.State) -> Iterator[str]:
     """A bridge that begins to filter VLANs drops what its table of VLANs does not admit, and we read no such table."""
     for row in before.all("/interface/bridge"):
         now = next((each for each in after.all("/interface/bridge") if each.get(".id") == row.get(".id")), row)
         name = row.get("name")
-        if name in interfaces(before) and is_set(now, "vlan-filtering") and not is_set(row, "vlan-filtering"):
+        if (
+            name in interfaces(before)
+            and _state.is_set(now, "vlan-filtering")
+            and not _state.is_set(row, "vlan-filtering")
+        ):
             text = f"/interface bridge: {name}, by which you come, would begin to filter VLANs"
             yield f"{text}: do that from another port"
 
 
-def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:
+def _dhcp(before: _state.State, after: _state.State, row: Row) -> Iterator[str]:
     """A dynamic address is there as long as its DHCP client is."""
     name = row.get("interface", "")
-    if not is_set(row, "dynamic") or name not in {
+    if not _state.is_set(row, "dynamic") or name not in {
         each.get("interface") for each in before.enabled_rows("/ip/dhcp-client")
     }:
         return
@@ -124,7 +130,7 @@ def _dhcp(before: State, after: State, row: Row) -> Iterator[str]:
         yield f"/ip dhcp-client: the client on {name} gave the router {address}, and would go: keep it enabled"
 
 
-def _tunnel(before: State, after: State) -> Iterator[str]:
+def _tunnel(before: _state.State, after: _state.State) -> Iterator[str]:
     """A tunnel that carries our session breaks with any change of how it is made."""
     for row in before.enabled_rows(_TUNNEL):
         if row.get("name") not in interfaces(before):

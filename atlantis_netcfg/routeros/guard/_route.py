@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, ip_network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.guard._state import State, identity, is_set
+from atlantis_netcfg.routeros.guard import _state
 from atlantis_netcfg.routeros.menus import MENUS
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Way:
         return bool(self.to)
 
 
-def objections(before: State, after: State) -> Iterator[str]:
+def objections(before: _state.State, after: _state.State) -> Iterator[str]:
     """Yield what is wrong with the way back after the change, unless it was wrong before."""
     then, now = decisions(before), decisions(after)
     if then.doubts != now.doubts:
@@ -83,7 +83,7 @@ class _Decisions:
     """Name and selectors of the rules that cannot be judged, in the order in which they are asked."""
 
 
-def way_back(state: State) -> Way:
+def way_back(state: _state.State) -> Way:
     """Return where the router sends its answers: rules chain by chain, and table main when it is the turn of `main`.
 
     Rules that cannot be judged are taken for rules that do not match.
@@ -91,7 +91,7 @@ def way_back(state: State) -> Way:
     return decisions(state).ways[-1]
 
 
-def decisions(state: State) -> _Decisions:
+def decisions(state: _state.State) -> _Decisions:
     """Return where the answers go, whatever rule matches."""
     ways: list[Way] = []
     doubts: list[tuple[str, str]] = []
@@ -115,7 +115,7 @@ def _beyond_judgement(rule: Row) -> str:
     return " and ".join(f"`{name}={rule[name]}`" for name in _UNKNOWN_SELECTORS if rule.get(name))
 
 
-def _rules(state: State) -> Iterator[Row | None]:
+def _rules(state: _state.State) -> Iterator[Row | None]:
     """Yield the rules in the order in which they are asked; None stands for table main.
 
     From 7.22 on a rule is in a chain, and `policy-rules` says in which order the chains are asked; a chain that it does
@@ -128,7 +128,7 @@ def _rules(state: State) -> Iterator[Row | None]:
             yield None
 
 
-def _matches(rule: Row, state: State) -> bool:
+def _matches(rule: Row, state: _state.State) -> bool:
     """Answers of the router itself have no incoming interface and, without mangle, no mark."""
     ends = (("src-address", state.local), ("dst-address", state.technician))
     return not (rule.get("interface") or rule.get("routing-mark")) and all(
@@ -136,7 +136,7 @@ def _matches(rule: Row, state: State) -> bool:
     )
 
 
-def _by_rule(rule: Row, state: State) -> Way | None:
+def _by_rule(rule: Row, state: _state.State) -> Way | None:
     """Return the decision of a rule, or None when it leaves the decision to those below."""
     action = rule.get("action", "lookup")
     name = MENUS["/routing/rule"].name_of(rule)
@@ -149,7 +149,9 @@ def _by_rule(rule: Row, state: State) -> Way | None:
     return way
 
 
-def _lookup(state: State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0) -> Way | None:
+def _lookup(
+    state: _state.State, table: str, address: IPv4Address, limit: int = _NO_LIMIT, depth: int = 0
+) -> Way | None:
     """Return the route of the longest prefix; of several, those of the smallest distance."""
     routes = [each for each in _routes(state, table) if address in each.network and each.network.prefixlen > limit]
     if not routes:
@@ -183,13 +185,13 @@ class _GuardRoute:
         return -self.network.prefixlen, self.distance
 
 
-def _routes(state: State, table: str) -> Iterator[_GuardRoute]:
+def _routes(state: _state.State, table: str) -> Iterator[_GuardRoute]:
     if table == "main":
         for network, interface in state.connected_networks():
             yield _GuardRoute(network, 0, {}, interface)
     for row in state.enabled_rows("/ip/route"):
         target = _network(row.get("dst-address", "0.0.0.0/0"))
-        if target is not None and row.get("routing-table", "main") == table and not is_set(row, "connect"):
+        if target is not None and row.get("routing-table", "main") == table and not _state.is_set(row, "connect"):
             yield _GuardRoute(target, int(row.get("distance", "1")), row)
 
 
@@ -201,14 +203,14 @@ def _network(text: str) -> IPv4Network | None:
     return network if isinstance(network, IPv4Network) else None
 
 
-def _gateway(state: State, text: str) -> str:
+def _gateway(state: _state.State, text: str) -> str:
     """Return a gateway under an identity that survives new names of interfaces."""
     address, sign, name = text.rpartition("%")
     interface = state.interface(name)
-    return f"{address}{sign}{identity(*interface) if interface else name}"
+    return f"{address}{sign}{_state.identity(*interface) if interface else name}"
 
 
-def _leaving(state: State, gateways: frozenset[str], depth: int) -> str | None:
+def _leaving(state: _state.State, gateways: frozenset[str], depth: int) -> str | None:
     """Return the interface that a single gateway is reached by; several gateways share the packets."""
     if len(gateways) != 1 or depth >= _DEEP_ENOUGH:
         return None

@@ -7,7 +7,7 @@ from ipaddress import IPv4Address, IPv4Interface, IPv4Network, ip_interface
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.routeros.menus import MENUS, PropertyKind, canonical
+from atlantis_netcfg.routeros import menus
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -31,7 +31,7 @@ class ManagementPath:
 
 def is_set(row: Row, flag: str) -> bool:
     """Tell whether a flag of a row is true; a row that does not print it has it not."""
-    return canonical(PropertyKind.BOOLEAN, row.get(flag, "no")) == "yes"
+    return menus.canonical(menus.PropertyKind.BOOLEAN, row.get(flag, "no")) == "yes"
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class State:
 
 def identity(menu: str, row: Row) -> str:
     """Return what stays the same of an interface when it is renamed."""
-    return row.get("default-name") or row.get(".id") or MENUS[menu].name_of(row)
+    return row.get("default-name") or row.get(".id") or menus.MENUS[menu].name_of(row)
 
 
 def interface_of(row: Row) -> IPv4Interface | None:

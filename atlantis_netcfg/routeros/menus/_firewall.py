@@ -3,80 +3,70 @@
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Menu,
-    Shape,
-    boolean,
-    cosmetic,
-    interface,
-    keep,
-    mac,
-    number,
-    prefix,
-    sequence,
-    since,
-    text,
-    texts,
-    time,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
-_ADDRESS_LIST = Menu(
+_ADDRESS_LIST = _model.Menu(
     "/ip/firewall/address-list",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("list", "address"),
     subject="{address} in {list}",
     flags=("dynamic",),
     inert=True,
     named_by=("src-address-list", "dst-address-list"),
-    fields=(text("list", None), prefix("address"), COMMENT, DISABLED, *keep(time("timeout"))),
+    fields=(
+        _model.text("list", None),
+        _model.prefix("address"),
+        _model.COMMENT,
+        _model.DISABLED,
+        *_model.keep(_model.time("timeout")),
+    ),
 )
 
-_COSMETIC = (COMMENT, cosmetic(boolean("log")), cosmetic(text("log-prefix")))
+_COSMETIC = (_model.COMMENT, _model.cosmetic(_model.boolean("log")), _model.cosmetic(_model.text("log-prefix")))
 
 _COMMON = (
-    text("chain", None),
-    text("action", "accept"),
+    _model.text("chain", None),
+    _model.text("action", "accept"),
     *_COSMETIC,
-    DISABLED,
-    text("address-list"),
-    time("address-list-timeout", "none-dynamic"),
-    text("jump-target"),
-    words("dst-address-type", None),
-    words("src-address-type", None),
-    words("dst-port", None),
-    words("src-port", None),
-    words("port", None),
-    prefix("dst-address"),
-    prefix("src-address"),
-    interface("in-interface"),
-    interface("out-interface"),
-    interface("in-bridge-port"),
-    interface("out-bridge-port"),
-    mac("src-mac-address"),
-    boolean("fragment", None),
-    words("ipv4-options", None),
-    *texts("connection-bytes connection-limit connection-mark connection-rate connection-type content dscp"),
-    *texts("dst-address-list src-address-list dst-limit hotspot icmp-options in-bridge-port-list in-interface-list"),
-    *texts("ingress-priority ipsec-policy layer7-protocol limit nth out-bridge-port-list out-interface-list"),
-    *texts("packet-mark packet-size per-connection-classifier priority protocol psd random realm routing-mark"),
-    *texts("tcp-mss time ttl"),
-    *since("7.21", *texts("tos")),
+    _model.DISABLED,
+    _model.text("address-list"),
+    _model.time("address-list-timeout", "none-dynamic"),
+    _model.text("jump-target"),
+    _model.words("dst-address-type", None),
+    _model.words("src-address-type", None),
+    _model.words("dst-port", None),
+    _model.words("src-port", None),
+    _model.words("port", None),
+    _model.prefix("dst-address"),
+    _model.prefix("src-address"),
+    _model.interface("in-interface"),
+    _model.interface("out-interface"),
+    _model.interface("in-bridge-port"),
+    _model.interface("out-bridge-port"),
+    _model.mac("src-mac-address"),
+    _model.boolean("fragment", None),
+    _model.words("ipv4-options", None),
+    *_model.texts("connection-bytes connection-limit connection-mark connection-rate connection-type content dscp"),
+    *_model.texts(
+        "dst-address-list src-address-list dst-limit hotspot icmp-options in-bridge-port-list in-interface-list"
+    ),
+    *_model.texts("ingress-priority ipsec-policy layer7-protocol limit nth out-bridge-port-list out-interface-list"),
+    *_model.texts("packet-mark packet-size per-connection-classifier priority protocol psd random realm routing-mark"),
+    *_model.texts("tcp-mss time ttl"),
+    *_model.since("7.21", *_model.texts("tos")),
 )
 
 _STATEFUL = (
-    words("connection-state", None),
-    words("connection-nat-state", None),
-    words("tcp-flags", None),
-    *texts("p2p tls-host"),
+    _model.words("connection-state", None),
+    _model.words("connection-nat-state", None),
+    _model.words("tcp-flags", None),
+    *_model.texts("p2p tls-host"),
 )
 
-_FILTER = Menu(
+_FILTER = _model.Menu(
     "/ip/firewall/filter",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     is_ordered=True,
     chain="chain",
@@ -85,15 +75,15 @@ _FILTER = Menu(
     fields=(
         *_COMMON,
         *_STATEFUL,
-        text("reject-with", "icmp-network-unreachable"),
+        _model.text("reject-with", "icmp-network-unreachable"),
         # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
-        *keep(boolean("hw-offload")),
+        *_model.keep(_model.boolean("hw-offload")),
     ),
 )
 
-_NAT = Menu(
+_NAT = _model.Menu(
     "/ip/firewall/nat",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     is_ordered=True,
     chain="chain",
@@ -101,17 +91,17 @@ _NAT = Menu(
     flags=("dynamic", "invalid"),
     fields=(
         *_COMMON,
-        sequence("to-addresses", None),
-        text("to-ports", None),
-        *since("7.10", boolean("randomise-ports")),
-        boolean("same-not-by-dst"),
-        *since("7.20", *texts("socks5-port socks5-server socksify-service")),
+        _model.sequence("to-addresses", None),
+        _model.text("to-ports", None),
+        *_model.since("7.10", _model.boolean("randomise-ports")),
+        _model.boolean("same-not-by-dst"),
+        *_model.since("7.20", *_model.texts("socks5-port socks5-server socksify-service")),
     ),
 )
 
-_MANGLE = Menu(
+_MANGLE = _model.Menu(
     "/ip/firewall/mangle",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     is_ordered=True,
     chain="chain",
@@ -120,10 +110,10 @@ _MANGLE = Menu(
     fields=(
         *_COMMON,
         *_STATEFUL,
-        boolean("passthrough", "yes"),
-        number("new-dscp"),
-        *texts("new-connection-mark new-mss new-packet-mark new-priority new-routing-mark new-ttl"),
-        *texts("route-dst sniff-id sniff-target sniff-target-port"),
+        _model.boolean("passthrough", "yes"),
+        _model.number("new-dscp"),
+        *_model.texts("new-connection-mark new-mss new-packet-mark new-priority new-routing-mark new-ttl"),
+        *_model.texts("route-dst sniff-id sniff-target sniff-target-port"),
     ),
 )
 

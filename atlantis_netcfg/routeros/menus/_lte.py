@@ -8,29 +8,11 @@ ones, so that it is only sent while the SIM asks for one (routeros/pin.py).
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Menu,
-    Shape,
-    boolean,
-    interface,
-    keep,
-    like,
-    number,
-    on_prompt,
-    secret,
-    sequence,
-    since,
-    text,
-    time,
-    usual,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
-_APN = Menu(
+_APN = _model.Menu(
     "/interface/lte/apn",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
@@ -38,58 +20,58 @@ _APN = Menu(
     inert=True,
     named_by=("apn-profiles",),
     fields=(
-        text("name"),
-        COMMENT,
-        boolean("add-default-route", "yes"),
-        text("apn", "internet"),
-        text("authentication", "none"),
-        number("default-route-distance", "2"),
-        text("ip-type", "auto"),
-        secret(text("password")),
-        boolean("use-network-apn", "yes"),
-        boolean("use-peer-dns", "yes"),
-        text("user"),
-        *keep(
-            interface("ipv6-interface"),
-            interface("passthrough-interface"),
-            text("passthrough-mac"),
-            text("passthrough-subnet-size"),
+        _model.text("name"),
+        _model.COMMENT,
+        _model.boolean("add-default-route", "yes"),
+        _model.text("apn", "internet"),
+        _model.text("authentication", "none"),
+        _model.number("default-route-distance", "2"),
+        _model.text("ip-type", "auto"),
+        _model.secret(_model.text("password")),
+        _model.boolean("use-network-apn", "yes"),
+        _model.boolean("use-peer-dns", "yes"),
+        _model.text("user"),
+        *_model.keep(
+            _model.interface("ipv6-interface"),
+            _model.interface("passthrough-interface"),
+            _model.text("passthrough-mac"),
+            _model.text("passthrough-subnet-size"),
         ),
     ),
 )
 
-_LTE = Menu(
+_LTE = _model.Menu(
     "/interface/lte",
-    Shape.FIXED,
+    _model.Shape.FIXED,
     Layer.FOUNDATION,
     keys=("default-name",),
     subject="{default-name}",
     flags=("running", "inactive"),
     fields=(
-        interface("default-name"),
-        like("default-name", interface("name")),
-        COMMENT,
-        DISABLED,
-        boolean("allow-roaming"),
-        sequence("apn-profiles", "default"),
-        words("band"),
-        on_prompt(secret(text("pin"))),
-        *usual(number("mtu", "1500"), words("nr-band"), text("operator")),
-        *keep(text("modem-init"), words("network-mode")),
-        *since("7.13", *keep(boolean("sms-read"))),
-        *since("7.16", *keep(text("sms-protocol"))),
+        _model.interface("default-name"),
+        _model.like("default-name", _model.interface("name")),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.boolean("allow-roaming"),
+        _model.sequence("apn-profiles", "default"),
+        _model.words("band"),
+        _model.on_prompt(_model.secret(_model.text("pin"))),
+        *_model.usual(_model.number("mtu", "1500"), _model.words("nr-band"), _model.text("operator")),
+        *_model.keep(_model.text("modem-init"), _model.words("network-mode")),
+        *_model.since("7.13", *_model.keep(_model.boolean("sms-read"))),
+        *_model.since("7.16", *_model.keep(_model.text("sms-protocol"))),
     ),
 )
 
-_SETTINGS = Menu(
+_SETTINGS = _model.Menu(
     "/interface/lte/settings",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.FOUNDATION,
     fields=(
-        *usual(text("firmware-path", "firmware"), text("mode", "auto")),
-        *since("7.13", *keep(time("info-polling-interval"))),
-        *since("7.17", *usual(text("esim-channel", "auto"))),
-        *since("7.19", *usual(number("link-recovery-timer", "120"))),
+        *_model.usual(_model.text("firmware-path", "firmware"), _model.text("mode", "auto")),
+        *_model.since("7.13", *_model.keep(_model.time("info-polling-interval"))),
+        *_model.since("7.17", *_model.usual(_model.text("esim-channel", "auto"))),
+        *_model.since("7.19", *_model.usual(_model.number("link-recovery-timer", "120"))),
     ),
 )
 

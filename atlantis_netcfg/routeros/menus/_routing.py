@@ -9,29 +9,11 @@ from __future__ import annotations
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Menu,
-    Shape,
-    boolean,
-    flag,
-    gateway,
-    interface,
-    keep,
-    network,
-    number,
-    prefix,
-    rate,
-    since,
-    text,
-    time,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
-_TABLE = Menu(
+_TABLE = _model.Menu(
     "/routing/table",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
@@ -39,148 +21,158 @@ _TABLE = Menu(
     stock=(("main",),),
     inert=True,
     since=Version(7, 0),
-    fields=(text("name", None), COMMENT, DISABLED, flag("fib")),
+    fields=(_model.text("name", None), _model.COMMENT, _model.DISABLED, _model.flag("fib")),
 )
 
-_SETTINGS = Menu(
+_SETTINGS = _model.Menu(
     "/routing/settings",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.FOUNDATION,
     since=Version(7, 12),
     fields=(
-        *keep(boolean("single-process")),
-        *since("7.19", *keep(text("connected-in-chain"), text("dynamic-in-chain"))),
-        *since(
+        *_model.keep(_model.boolean("single-process")),
+        *_model.since("7.19", *_model.keep(_model.text("connected-in-chain"), _model.text("dynamic-in-chain"))),
+        *_model.since(
             "7.21",
-            time("check-gateway-ping-interval", "10s"),
-            time("check-gateway-ping-timeout", "1s"),
-            number("check-gateway-ping-count", "2"),
+            _model.time("check-gateway-ping-interval", "10s"),
+            _model.time("check-gateway-ping-timeout", "1s"),
+            _model.number("check-gateway-ping-count", "2"),
         ),
         # In which order the chains of routing rules are asked; ours are in `user`, which has to come before `main`.
-        *since("7.22", text("policy-rules", "mangle,vrf-lookup,vrf-unreach,local,user,main")),
+        *_model.since("7.22", _model.text("policy-rules", "mangle,vrf-lookup,vrf-unreach,local,user,main")),
     ),
 )
 
-_ROUTE = Menu(
+_ROUTE = _model.Menu(
     "/ip/route",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     keys=("dst-address", "gateway", "routing-table"),
     subject="{dst-address} via {gateway} {comment}",
     flags=("dynamic", "active", "connect", "immediate-gw"),
     late=(("dst-address", "0.0.0.0/0"), ("routing-table", "main")),
     fields=(
-        network("dst-address", "0.0.0.0/0"),
-        gateway("gateway"),
-        *since("7.0", text("routing-table", "main")),
-        COMMENT,
-        DISABLED,
-        number("distance", "1"),
-        *since("7.0", flag("blackhole")),
-        text("check-gateway", "none"),
-        number("scope", "30"),
-        number("target-scope", "10"),
-        prefix("pref-src", ""),
-        *keep(interface("vrf-interface")),
+        _model.network("dst-address", "0.0.0.0/0"),
+        _model.gateway("gateway"),
+        *_model.since("7.0", _model.text("routing-table", "main")),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.number("distance", "1"),
+        *_model.since("7.0", _model.flag("blackhole")),
+        _model.text("check-gateway", "none"),
+        _model.number("scope", "30"),
+        _model.number("target-scope", "10"),
+        _model.prefix("pref-src", ""),
+        *_model.keep(_model.interface("vrf-interface")),
         # At 7.21 it left the tree of the Cloud Hosted Router. Assumption: board-hw-offload
-        *since("7.0", *keep(boolean("suppress-hw-offload"))),
+        *_model.since("7.0", *_model.keep(_model.boolean("suppress-hw-offload"))),
     ),
 )
 
-_RULE = Menu(
+_RULE = _model.Menu(
     "/routing/rule",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     is_ordered=True,
     subject="{action} {table} {src-address} {dst-address} {comment}",
     flags=("dynamic",),
     since=Version(7, 0),
     fields=(
-        COMMENT,
-        DISABLED,
-        text("action", "lookup"),
-        text("table"),
-        prefix("src-address"),
-        prefix("dst-address"),
-        interface("interface"),
-        text("routing-mark"),
-        number("min-prefix"),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.text("action", "lookup"),
+        _model.text("table"),
+        _model.prefix("src-address"),
+        _model.prefix("dst-address"),
+        _model.interface("interface"),
+        _model.text("routing-mark"),
+        _model.number("min-prefix"),
         # A rule of another chain is asked at another moment, or never. Assumption: routing-rule-chains
-        *since("7.22", text("chain", "user"), text("realm"), text("vrf")),
+        *_model.since("7.22", _model.text("chain", "user"), _model.text("realm"), _model.text("vrf")),
     ),
 )
 
 _ROUTING = (_TABLE, _SETTINGS, _ROUTE, _RULE)
 
 
-_PROBES = Menu(
+_PROBES = _model.Menu(
     "/tool/netwatch",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     keys=("name",),
     subject="{name}",
     # It looks, and what it does is done by its scripts when a host falls silent or answers again.
     inert=True,
     fields=(
-        *since("7.9", text("name", None)),
-        COMMENT,
-        DISABLED,
-        text("host"),
-        *since("7.9", text("type", "simple")),
-        time("interval", "10s"),
-        time("timeout", "3s"),
-        time("start-delay", "3s"),
-        time("startup-delay", "5m"),
-        *since("7.11", text("src-address")),
-        text("up-script"),
-        text("down-script"),
-        text("test-script"),
-        number("packet-count", "10"),
-        time("packet-interval", "50ms"),
-        number("packet-size", "54"),
+        *_model.since("7.9", _model.text("name", None)),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.text("host"),
+        *_model.since("7.9", _model.text("type", "simple")),
+        _model.time("interval", "10s"),
+        _model.time("timeout", "3s"),
+        _model.time("start-delay", "3s"),
+        _model.time("startup-delay", "5m"),
+        *_model.since("7.11", _model.text("src-address")),
+        _model.text("up-script"),
+        _model.text("down-script"),
+        _model.text("test-script"),
+        _model.number("packet-count", "10"),
+        _model.time("packet-interval", "50ms"),
+        _model.number("packet-size", "54"),
         # Thresholds and what else single types of probes have: nothing of ours depends on them.
-        *keep(
-            text("thr-avg"),
-            text("thr-max"),
-            text("thr-jitter"),
-            text("thr-stdev"),
-            text("thr-loss-percent"),
-            text("thr-loss-count"),
-            text("thr-http-time"),
-            text("thr-tcp-conn-time"),
-            text("certificate"),
-            text("check-certificate"),
-            text("http-codes"),
-            text("port"),
+        *_model.keep(
+            _model.text("thr-avg"),
+            _model.text("thr-max"),
+            _model.text("thr-jitter"),
+            _model.text("thr-stdev"),
+            _model.text("thr-loss-percent"),
+            _model.text("thr-loss-count"),
+            _model.text("thr-http-time"),
+            _model.text("thr-tcp-conn-time"),
+            _model.text("certificate"),
+            _model.text("check-certificate"),
+            _model.text("http-codes"),
+            _model.text("port"),
         ),
-        *since("7.20", *keep(boolean("early-failure-detection"), boolean("early-success-detection"))),
-        *since("7.16", *keep(text("accept-icmp-time-exceeded"), text("dns-server"), text("record-type"), text("ttl"))),
-        *since("7.17", *keep(boolean("ignore-initial-up"), boolean("ignore-initial-down"))),
+        *_model.since(
+            "7.20", *_model.keep(_model.boolean("early-failure-detection"), _model.boolean("early-success-detection"))
+        ),
+        *_model.since(
+            "7.16",
+            *_model.keep(
+                _model.text("accept-icmp-time-exceeded"),
+                _model.text("dns-server"),
+                _model.text("record-type"),
+                _model.text("ttl"),
+            ),
+        ),
+        *_model.since("7.17", *_model.keep(_model.boolean("ignore-initial-up"), _model.boolean("ignore-initial-down"))),
     ),
 )
 
-_TREE = Menu(
+_TREE = _model.Menu(
     "/queue/tree",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     keys=("name",),
     subject="{name}",
     flags=("dynamic", "invalid"),
     fields=(
-        text("name", None),
-        COMMENT,
-        DISABLED,
+        _model.text("name", None),
+        _model.COMMENT,
+        _model.DISABLED,
         # A port or a queue.
-        interface("parent", ""),
-        words("packet-mark"),
-        number("priority", "8"),
-        text("queue", "default-small"),
-        rate("limit-at", "0"),
-        rate("max-limit", "0"),
-        rate("burst-limit", "0"),
-        rate("burst-threshold", "0"),
-        time("burst-time", "0s"),
-        text("bucket-size", "0.1"),
+        _model.interface("parent", ""),
+        _model.words("packet-mark"),
+        _model.number("priority", "8"),
+        _model.text("queue", "default-small"),
+        _model.rate("limit-at", "0"),
+        _model.rate("max-limit", "0"),
+        _model.rate("burst-limit", "0"),
+        _model.rate("burst-threshold", "0"),
+        _model.time("burst-time", "0s"),
+        _model.text("bucket-size", "0.1"),
     ),
 )
 

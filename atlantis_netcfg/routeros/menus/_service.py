@@ -3,79 +3,64 @@
 from __future__ import annotations
 
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Menu,
-    Shape,
-    boolean,
-    keep,
-    number,
-    prefix,
-    prefixes,
-    secret,
-    sequence,
-    since,
-    size,
-    text,
-    texts,
-    time,
-    until,
-    usual,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
-_DNS = Menu(
+_DNS = _model.Menu(
     "/ip/dns",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.ATTACHMENT,
     fields=(
-        sequence("servers"),
-        boolean("allow-remote-requests"),
-        size("cache-size", "2048KiB"),
-        time("cache-max-ttl", "1w"),
-        *since("7.10", time("address-list-extra-time", "0s")),
-        text("use-doh-server"),
-        boolean("verify-doh-cert"),
-        number("doh-max-concurrent-queries", "50"),
-        number("doh-max-server-connections", "5"),
-        time("doh-timeout", "5s"),
-        number("max-concurrent-queries", "100"),
-        number("max-concurrent-tcp-sessions", "20"),
-        number("max-udp-packet-size", "4096"),
-        *since("7.16", words("mdns-repeat-ifaces")),
-        time("query-server-timeout", "2s"),
-        time("query-total-timeout", "10s"),
-        *since("7.15", text("vrf", "main")),
+        _model.sequence("servers"),
+        _model.boolean("allow-remote-requests"),
+        _model.size("cache-size", "2048KiB"),
+        _model.time("cache-max-ttl", "1w"),
+        *_model.since("7.10", _model.time("address-list-extra-time", "0s")),
+        _model.text("use-doh-server"),
+        _model.boolean("verify-doh-cert"),
+        _model.number("doh-max-concurrent-queries", "50"),
+        _model.number("doh-max-server-connections", "5"),
+        _model.time("doh-timeout", "5s"),
+        _model.number("max-concurrent-queries", "100"),
+        _model.number("max-concurrent-tcp-sessions", "20"),
+        _model.number("max-udp-packet-size", "4096"),
+        *_model.since("7.16", _model.words("mdns-repeat-ifaces")),
+        _model.time("query-server-timeout", "2s"),
+        _model.time("query-total-timeout", "10s"),
+        *_model.since("7.15", _model.text("vrf", "main")),
     ),
 )
 
-_DNS_STATIC = Menu(
+_DNS_STATIC = _model.Menu(
     "/ip/dns/static",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.POLICY,
     # `move` exists, because the first matching `regexp` answers; names, which are all we declare, are looked up whole.
     keys=("name", "regexp", "type", "address", "cname", "forward-to", "mx-exchange", "ns", "srv-target", "text"),
     subject="{name}{regexp} {type} {address}{cname}{forward-to}{mx-exchange}{ns}{srv-target}",
     flags=("dynamic",),
     fields=(
-        text("name"),
-        text("regexp"),
-        text("type", "A"),
-        prefix("address", ""),
-        *texts("cname forward-to mx-exchange ns srv-target text", ""),
-        COMMENT,
-        DISABLED,
-        time("ttl", "1d"),
-        boolean("match-subdomain"),
-        text("address-list"),
-        *keep(number("mx-preference"), number("srv-port"), number("srv-priority"), number("srv-weight")),
+        _model.text("name"),
+        _model.text("regexp"),
+        _model.text("type", "A"),
+        _model.prefix("address", ""),
+        *_model.texts("cname forward-to mx-exchange ns srv-target text", ""),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.time("ttl", "1d"),
+        _model.boolean("match-subdomain"),
+        _model.text("address-list"),
+        *_model.keep(
+            _model.number("mx-preference"),
+            _model.number("srv-port"),
+            _model.number("srv-priority"),
+            _model.number("srv-weight"),
+        ),
     ),
 )
 
-_SERVICE = Menu(
+_SERVICE = _model.Menu(
     "/ip/service",
-    Shape.FIXED,
+    _model.Shape.FIXED,
     Layer.CLEANUP,
     keys=("name",),
     subject="{name}",
@@ -91,163 +76,186 @@ _SERVICE = Menu(
         "api-ssl": {"port": "8729"},
     },
     fields=(
-        text("name", None),
-        DISABLED,
-        number("port"),
-        prefixes("address"),
-        text("certificate", "none"),
-        text("tls-version", "any"),
-        *since("7.0", text("vrf", "main")),
-        *since("7.16", *usual(number("max-sessions", "20"))),
+        _model.text("name", None),
+        _model.DISABLED,
+        _model.number("port"),
+        _model.prefixes("address"),
+        _model.text("certificate", "none"),
+        _model.text("tls-version", "any"),
+        *_model.since("7.0", _model.text("vrf", "main")),
+        *_model.since("7.16", *_model.usual(_model.number("max-sessions", "20"))),
     ),
 )
 
-_SSH = Menu(
+_SSH = _model.Menu(
     "/ip/ssh",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        boolean("strong-crypto"),
-        text("forwarding-enabled", "no"),
-        *keep(text("host-key-size"), text("host-key-type")),
-        *until("7.17", boolean("allow-none-crypto")),
-        *since("7.17", words("ciphers", "auto")),
-        *until("7.21", boolean("always-allow-password-login")),
-        *since("7.21", *usual(text("password-authentication", "yes-if-no-key"))),
-        *since("7.21", *usual(words("publickey-authentication-options", "none"))),
+        _model.boolean("strong-crypto"),
+        _model.text("forwarding-enabled", "no"),
+        *_model.keep(_model.text("host-key-size"), _model.text("host-key-type")),
+        *_model.until("7.17", _model.boolean("allow-none-crypto")),
+        *_model.since("7.17", _model.words("ciphers", "auto")),
+        *_model.until("7.21", _model.boolean("always-allow-password-login")),
+        *_model.since("7.21", *_model.usual(_model.text("password-authentication", "yes-if-no-key"))),
+        *_model.since("7.21", *_model.usual(_model.words("publickey-authentication-options", "none"))),
     ),
 )
 
-_DISCOVERY = Menu(
+_DISCOVERY = _model.Menu(
     "/ip/neighbor/discovery-settings",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        *usual(text("discover-interface-list", "static"), boolean("lldp-poe-power", "yes")),
-        *since("7.16", time("discover-interval", "30s")),
-        *since("7.15", boolean("lldp-mac-phy-config"), boolean("lldp-max-frame-size")),
-        text("lldp-med-net-policy-vlan", "disabled"),
-        *since("7.16", boolean("lldp-vlan-info")),
-        text("mode", "tx-and-rx"),
-        words("protocol", "cdp,lldp,mndp"),
+        *_model.usual(_model.text("discover-interface-list", "static"), _model.boolean("lldp-poe-power", "yes")),
+        *_model.since("7.16", _model.time("discover-interval", "30s")),
+        *_model.since("7.15", _model.boolean("lldp-mac-phy-config"), _model.boolean("lldp-max-frame-size")),
+        _model.text("lldp-med-net-policy-vlan", "disabled"),
+        *_model.since("7.16", _model.boolean("lldp-vlan-info")),
+        _model.text("mode", "tx-and-rx"),
+        _model.words("protocol", "cdp,lldp,mndp"),
     ),
 )
 
-_CLOUD = Menu(
+_CLOUD = _model.Menu(
     "/ip/cloud",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
-    fields=(*usual(text("ddns-enabled", "auto")), time("ddns-update-interval", "none"), boolean("update-time", "yes")),
+    fields=(
+        *_model.usual(_model.text("ddns-enabled", "auto")),
+        _model.time("ddns-update-interval", "none"),
+        _model.boolean("update-time", "yes"),
+    ),
 )
 
-_PROXY = Menu(
+_PROXY = _model.Menu(
     "/ip/proxy",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        boolean("enabled"),
-        sequence("port", "8080"),
-        boolean("anonymous"),
-        boolean("always-from-cache"),
-        text("cache-administrator", "webmaster"),
-        number("cache-hit-dscp", "4"),
-        boolean("cache-on-disk"),
-        text("cache-path", "web-proxy"),
-        size("max-cache-object-size", "2048KiB"),
-        size("max-cache-size", "unlimited"),
-        number("max-client-connections", "600"),
-        time("max-fresh-time", "3d"),
-        number("max-server-connections", "600"),
-        number("parent-proxy-port", "0"),
-        boolean("serialize-connections"),
-        *usual(text("parent-proxy", "::"), text("src-address", "::")),
+        _model.boolean("enabled"),
+        _model.sequence("port", "8080"),
+        _model.boolean("anonymous"),
+        _model.boolean("always-from-cache"),
+        _model.text("cache-administrator", "webmaster"),
+        _model.number("cache-hit-dscp", "4"),
+        _model.boolean("cache-on-disk"),
+        _model.text("cache-path", "web-proxy"),
+        _model.size("max-cache-object-size", "2048KiB"),
+        _model.size("max-cache-size", "unlimited"),
+        _model.number("max-client-connections", "600"),
+        _model.time("max-fresh-time", "3d"),
+        _model.number("max-server-connections", "600"),
+        _model.number("parent-proxy-port", "0"),
+        _model.boolean("serialize-connections"),
+        *_model.usual(_model.text("parent-proxy", "::"), _model.text("src-address", "::")),
     ),
 )
 
-_SOCKS = Menu(
+_SOCKS = _model.Menu(
     "/ip/socks",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        boolean("enabled"),
-        number("port", "1080"),
-        text("auth-method", "none"),
-        time("connection-idle-timeout", "2m"),
-        number("max-connections", "200"),
-        number("version", "4"),
-        *since("7.0", text("vrf", "main")),
+        _model.boolean("enabled"),
+        _model.number("port", "1080"),
+        _model.text("auth-method", "none"),
+        _model.time("connection-idle-timeout", "2m"),
+        _model.number("max-connections", "200"),
+        _model.number("version", "4"),
+        *_model.since("7.0", _model.text("vrf", "main")),
     ),
 )
 
-_UPNP = Menu(
+_UPNP = _model.Menu(
     "/ip/upnp",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
-    fields=(boolean("enabled"), boolean("allow-disable-external-interface"), boolean("show-dummy-rule", "yes")),
+    fields=(
+        _model.boolean("enabled"),
+        _model.boolean("allow-disable-external-interface"),
+        _model.boolean("show-dummy-rule", "yes"),
+    ),
 )
 
-_IP = Menu(
+_IP = _model.Menu(
     "/ip/settings",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        boolean("accept-redirects"),
-        boolean("accept-source-route"),
-        boolean("allow-fast-path", "yes"),
-        time("arp-timeout", "30s"),
-        *since("7.17", boolean("icmp-errors-use-inbound-interface-address")),
-        number("icmp-rate-limit", "10"),
-        *keep(text("icmp-rate-mask")),
-        boolean("ip-forward", "yes"),
-        *since("7.16", text("ipv4-multipath-hash-policy", "l3")),
-        *keep(number("max-neighbor-entries")),
-        text("rp-filter", "no"),
-        boolean("secure-redirects", "yes"),
-        boolean("send-redirects", "yes"),
-        boolean("tcp-syncookies"),
-        *since("7.17", *usual(text("tcp-timestamps", "random-offset"))),
+        _model.boolean("accept-redirects"),
+        _model.boolean("accept-source-route"),
+        _model.boolean("allow-fast-path", "yes"),
+        _model.time("arp-timeout", "30s"),
+        *_model.since("7.17", _model.boolean("icmp-errors-use-inbound-interface-address")),
+        _model.number("icmp-rate-limit", "10"),
+        *_model.keep(_model.text("icmp-rate-mask")),
+        _model.boolean("ip-forward", "yes"),
+        *_model.since("7.16", _model.text("ipv4-multipath-hash-policy", "l3")),
+        *_model.keep(_model.number("max-neighbor-entries")),
+        _model.text("rp-filter", "no"),
+        _model.boolean("secure-redirects", "yes"),
+        _model.boolean("send-redirects", "yes"),
+        _model.boolean("tcp-syncookies"),
+        *_model.since("7.17", *_model.usual(_model.text("tcp-timestamps", "random-offset"))),
     ),
 )
 
-_SNMP = Menu(
+_SNMP = _model.Menu(
     "/snmp",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
     fields=(
-        boolean("enabled"),
-        text("contact"),
-        text("location"),
-        *since("7.10", text("engine-id-suffix")),
-        text("trap-community", "public"),
-        *usual(words("trap-generators", "temp-exception"), text("trap-version", "1"), text("src-address", "::")),
-        words("trap-interfaces"),
-        text("trap-target"),
-        *since("7.0", text("vrf", "main")),
+        _model.boolean("enabled"),
+        _model.text("contact"),
+        _model.text("location"),
+        *_model.since("7.10", _model.text("engine-id-suffix")),
+        _model.text("trap-community", "public"),
+        *_model.usual(
+            _model.words("trap-generators", "temp-exception"),
+            _model.text("trap-version", "1"),
+            _model.text("src-address", "::"),
+        ),
+        _model.words("trap-interfaces"),
+        _model.text("trap-target"),
+        *_model.since("7.0", _model.text("vrf", "main")),
     ),
 )
 
-_ROMON = Menu(
+_ROMON = _model.Menu(
     "/tool/romon",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.CLEANUP,
-    fields=(boolean("enabled"), *usual(text("id", "00:00:00:00:00:00")), *keep(secret(text("secrets")))),
+    fields=(
+        _model.boolean("enabled"),
+        *_model.usual(_model.text("id", "00:00:00:00:00:00")),
+        *_model.keep(_model.secret(_model.text("secrets"))),
+    ),
 )
 
-_IPV6 = Menu(
+_IPV6 = _model.Menu(
     "/ipv6/settings",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.FOUNDATION,
     fields=(
-        boolean("disable-ipv6"),
-        boolean("forward", "yes"),
-        text("accept-redirects", "yes-if-forwarding-disabled"),
-        text("accept-router-advertisements", "yes-if-forwarding-disabled"),
-        *since("7.16", text("multipath-hash-policy", "l3")),
-        *keep(number("max-neighbor-entries")),
-        *since("7.17", *keep(number("min-neighbor-entries"), number("soft-max-neighbor-entries"))),
-        *since("7.17", *usual(text("stale-neighbor-detect-interval", "30"), text("stale-neighbor-timeout", "60"))),
-        *since("7.18", boolean("allow-fast-path", "yes"), boolean("disable-link-local-address")),
-        *since("7.21", *usual(text("accept-router-advertisements-on", "all"))),
+        _model.boolean("disable-ipv6"),
+        _model.boolean("forward", "yes"),
+        _model.text("accept-redirects", "yes-if-forwarding-disabled"),
+        _model.text("accept-router-advertisements", "yes-if-forwarding-disabled"),
+        *_model.since("7.16", _model.text("multipath-hash-policy", "l3")),
+        *_model.keep(_model.number("max-neighbor-entries")),
+        *_model.since(
+            "7.17", *_model.keep(_model.number("min-neighbor-entries"), _model.number("soft-max-neighbor-entries"))
+        ),
+        *_model.since(
+            "7.17",
+            *_model.usual(
+                _model.text("stale-neighbor-detect-interval", "30"), _model.text("stale-neighbor-timeout", "60")
+            ),
+        ),
+        *_model.since("7.18", _model.boolean("allow-fast-path", "yes"), _model.boolean("disable-link-local-address")),
+        *_model.since("7.21", *_model.usual(_model.text("accept-router-advertisements-on", "all"))),
     ),
 )
 

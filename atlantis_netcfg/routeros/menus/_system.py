@@ -4,55 +4,36 @@ from __future__ import annotations
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Menu,
-    Shape,
-    boolean,
-    keep,
-    number,
-    policy,
-    prefix,
-    prefixes,
-    secret,
-    sequence,
-    since,
-    text,
-    texts,
-    time,
-    unread,
-    until,
-    usual,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
 _NOBODY = "0.0.0.0"  # noqa: S104 - what the device prints where no address is set
 
-_IDENTITY = Menu("/system/identity", Shape.SINGLETON, Layer.FOUNDATION, fields=(text("name", "MikroTik"),))
-
-_CLOCK = Menu(
-    "/system/clock",
-    Shape.SINGLETON,
-    Layer.FOUNDATION,
-    # `date` and `time` go on by themselves and are nothing to declare.
-    fields=(boolean("time-zone-autodetect", "yes"), *usual(text("time-zone-name", "manual"))),
+_IDENTITY = _model.Menu(
+    "/system/identity", _model.Shape.SINGLETON, Layer.FOUNDATION, fields=(_model.text("name", "MikroTik"),)
 )
 
-_NOTE = Menu(
+_CLOCK = _model.Menu(
+    "/system/clock",
+    _model.Shape.SINGLETON,
+    Layer.FOUNDATION,
+    # `date` and `time` go on by themselves and are nothing to declare.
+    fields=(_model.boolean("time-zone-autodetect", "yes"), *_model.usual(_model.text("time-zone-name", "manual"))),
+)
+
+_NOTE = _model.Menu(
     "/system/note",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.FOUNDATION,
     fields=(
-        text("note"),
-        *since("7.14", boolean("show-at-cli-login")),
-        *usual(boolean("show-at-login", "yes")),
+        _model.text("note"),
+        *_model.since("7.14", _model.boolean("show-at-cli-login")),
+        *_model.usual(_model.boolean("show-at-login", "yes")),
     ),
 )
 
-_LOGGING_ACTION = Menu(
+_LOGGING_ACTION = _model.Menu(
     "/system/logging/action",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
@@ -61,32 +42,34 @@ _LOGGING_ACTION = Menu(
     row_defaults={name: {"target": name} for name in ("memory", "disk", "echo", "remote")},
     inert=True,
     fields=(
-        text("name", None),
-        text("target", "memory"),
-        COMMENT,
-        number("memory-lines", "1000"),
-        boolean("memory-stop-on-full"),
-        number("disk-file-count", "2"),
-        text("disk-file-name", "log"),
-        number("disk-lines-per-file", "1000"),
-        boolean("disk-stop-on-full"),
-        number("remote-port", "514"),
-        text("syslog-facility", "daemon"),
-        text("syslog-severity", "auto"),
-        text("syslog-time-format", "bsd-syslog"),
-        text("email-to"),
-        *usual(prefix("remote", _NOBODY), prefix("src-address", _NOBODY), boolean("remember", "yes")),
-        *keep(text("email-start-tls")),
-        *until("7.18", boolean("bsd-syslog")),
-        *since("7.18", text("remote-log-format", "default"), text("remote-protocol", "udp")),
-        *since("7.18", *keep(text("cef-event-delimiter"))),
-        *since("7.19.6", text("vrf", "main")),
+        _model.text("name", None),
+        _model.text("target", "memory"),
+        _model.COMMENT,
+        _model.number("memory-lines", "1000"),
+        _model.boolean("memory-stop-on-full"),
+        _model.number("disk-file-count", "2"),
+        _model.text("disk-file-name", "log"),
+        _model.number("disk-lines-per-file", "1000"),
+        _model.boolean("disk-stop-on-full"),
+        _model.number("remote-port", "514"),
+        _model.text("syslog-facility", "daemon"),
+        _model.text("syslog-severity", "auto"),
+        _model.text("syslog-time-format", "bsd-syslog"),
+        _model.text("email-to"),
+        *_model.usual(
+            _model.prefix("remote", _NOBODY), _model.prefix("src-address", _NOBODY), _model.boolean("remember", "yes")
+        ),
+        *_model.keep(_model.text("email-start-tls")),
+        *_model.until("7.18", _model.boolean("bsd-syslog")),
+        *_model.since("7.18", _model.text("remote-log-format", "default"), _model.text("remote-protocol", "udp")),
+        *_model.since("7.18", *_model.keep(_model.text("cef-event-delimiter"))),
+        *_model.since("7.19.6", _model.text("vrf", "main")),
     ),
 )
 
-_LOGGING = Menu(
+_LOGGING = _model.Menu(
     "/system/logging",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.ATTACHMENT,
     keys=("topics", "action", "prefix"),
     subject="{topics} to {action}",
@@ -94,117 +77,134 @@ _LOGGING = Menu(
     inert=True,
     stock=(("info", "memory", ""), ("error", "memory", ""), ("warning", "memory", ""), ("critical", "echo", "")),
     fields=(
-        words("topics", "info"),
-        text("action", "memory"),
-        text("prefix"),
-        *since("7.17", text("regex")),
-        DISABLED,
+        _model.words("topics", "info"),
+        _model.text("action", "memory"),
+        _model.text("prefix"),
+        *_model.since("7.17", _model.text("regex")),
+        _model.DISABLED,
     ),
 )
 
-_NTP_CLIENT = Menu(
+_NTP_CLIENT = _model.Menu(
     "/system/ntp/client",
-    Shape.SINGLETON,
+    _model.Shape.SINGLETON,
     Layer.ATTACHMENT,
     # `servers` shows the rows of the menu below.
     fields=(
-        boolean("enabled"),
-        *since("7.0", text("mode", "unicast"), *keep(sequence("servers")), text("vrf", "main")),
+        _model.boolean("enabled"),
+        *_model.since(
+            "7.0", _model.text("mode", "unicast"), *_model.keep(_model.sequence("servers")), _model.text("vrf", "main")
+        ),
     ),
 )
 
-_NTP_SERVERS = Menu(
+_NTP_SERVERS = _model.Menu(
     "/system/ntp/client/servers",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.ATTACHMENT,
     since=Version(7, 0),
     keys=("address",),
     subject="{address}",
     flags=("dynamic",),
     fields=(
-        text("address", None),
-        COMMENT,
-        DISABLED,
-        *usual(boolean("iburst", "yes"), number("max-poll", "10"), number("min-poll", "6")),
-        *keep(text("auth-key")),
+        _model.text("address", None),
+        _model.COMMENT,
+        _model.DISABLED,
+        *_model.usual(_model.boolean("iburst", "yes"), _model.number("max-poll", "10"), _model.number("min-poll", "6")),
+        *_model.keep(_model.text("auth-key")),
     ),
 )
 
-_GROUP = Menu(
+_GROUP = _model.Menu(
     "/user/group",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
     stock=(("read",), ("write",), ("full",)),
     inert=True,
-    fields=(text("name", None), COMMENT, *keep(policy("policy")), text("skin", "default")),
+    fields=(
+        _model.text("name", None),
+        _model.COMMENT,
+        *_model.keep(_model.policy("policy")),
+        _model.text("skin", "default"),
+    ),
 )
 
-_USER = Menu(
+_USER = _model.Menu(
     "/user",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.ATTACHMENT,
     keys=("name",),
     subject="{name}",
     is_exported=False,
     fields=(
-        text("name", None),
-        text("group", None),
-        secret(unread(text("password"))),
-        COMMENT,
-        DISABLED,
-        prefixes("address"),
-        *since("7.16", *keep(text("inactivity-policy"), time("inactivity-timeout"))),
+        _model.text("name", None),
+        _model.text("group", None),
+        _model.secret(_model.unread(_model.text("password"))),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.prefixes("address"),
+        *_model.since("7.16", *_model.keep(_model.text("inactivity-policy"), _model.time("inactivity-timeout"))),
     ),
 )
 
-_CERTIFICATE = Menu(
+_CERTIFICATE = _model.Menu(
     "/certificate",
-    Shape.LIST,
+    _model.Shape.LIST,
     Layer.FOUNDATION,
     keys=("name",),
     subject="{name}",
     flags=("fingerprint", "private-key", "expired", "invalid-before", "invalid-after"),
     readonly=True,
     is_exported=False,
-    fields=texts("name common-name subject-alt-name"),
+    fields=_model.texts("name common-name subject-alt-name"),
 )
 
 _TOOLS = (
-    Menu("/tool/mac-server", Shape.SINGLETON, Layer.CLEANUP, fields=(text("allowed-interface-list", "all"),)),
-    Menu(
-        "/tool/mac-server/mac-winbox", Shape.SINGLETON, Layer.CLEANUP, fields=(text("allowed-interface-list", "all"),)
+    _model.Menu(
+        "/tool/mac-server",
+        _model.Shape.SINGLETON,
+        Layer.CLEANUP,
+        fields=(_model.text("allowed-interface-list", "all"),),
     ),
-    Menu("/tool/mac-server/ping", Shape.SINGLETON, Layer.CLEANUP, fields=(boolean("enabled", "yes"),)),
-    Menu(
+    _model.Menu(
+        "/tool/mac-server/mac-winbox",
+        _model.Shape.SINGLETON,
+        Layer.CLEANUP,
+        fields=(_model.text("allowed-interface-list", "all"),),
+    ),
+    _model.Menu(
+        "/tool/mac-server/ping", _model.Shape.SINGLETON, Layer.CLEANUP, fields=(_model.boolean("enabled", "yes"),)
+    ),
+    _model.Menu(
         "/tool/bandwidth-server",
-        Shape.SINGLETON,
+        _model.Shape.SINGLETON,
         Layer.CLEANUP,
         fields=(
-            boolean("enabled", "yes"),
-            boolean("authenticate", "yes"),
-            number("allocate-udp-ports-from", "2000"),
-            number("max-sessions", "100"),
-            *since("7.18", prefixes("allowed-addresses4"), prefixes("allowed-addresses6")),
+            _model.boolean("enabled", "yes"),
+            _model.boolean("authenticate", "yes"),
+            _model.number("allocate-udp-ports-from", "2000"),
+            _model.number("max-sessions", "100"),
+            *_model.since("7.18", _model.prefixes("allowed-addresses4"), _model.prefixes("allowed-addresses6")),
         ),
     ),
 )
 
-_SCHEDULER = Menu(
+_SCHEDULER = _model.Menu(
     "/system/scheduler",
-    Shape.LIST,
+    _model.Shape.LIST,
     # Before the routes that it puts back.
     Layer.ATTACHMENT,
     keys=("name",),
     subject="{name}",
     fields=(
-        text("name", None),
-        COMMENT,
-        DISABLED,
-        time("interval", "0s"),
-        text("on-event"),
-        *keep(text("start-date"), text("start-time"), policy("policy")),
+        _model.text("name", None),
+        _model.COMMENT,
+        _model.DISABLED,
+        _model.time("interval", "0s"),
+        _model.text("on-event"),
+        *_model.keep(_model.text("start-date"), _model.text("start-time"), _model.policy("policy")),
     ),
 )
 

@@ -12,119 +12,101 @@ from dataclasses import replace
 
 from atlantis_netcfg.core.versions import Version
 from atlantis_netcfg.routeros._types import Layer
-from atlantis_netcfg.routeros.menus._model import (
-    COMMENT,
-    DISABLED,
-    Field,
-    Menu,
-    Shape,
-    boolean,
-    interface,
-    keep,
-    like,
-    mac,
-    number,
-    secret,
-    since,
-    text,
-    texts,
-    time,
-    words,
-)
+from atlantis_netcfg.routeros.menus import _model
 
 _SINCE = Version.parse("7.13")
 """Before, the same menu was called `/interface/wifiwave2` (Manual, WiFi)."""
 
 _CHANNEL = (
-    text("band", None),
-    words("frequency", None),
-    text("width", None),
-    text("skip-dfs-channels", None),
-    words("secondary-frequency", None),
-    text("reselect-interval", None),
-    *since("7.19", text("reselect-time", None)),
-    *since("7.20", boolean("deprioritize-unii-3-4", None)),
+    _model.text("band", None),
+    _model.words("frequency", None),
+    _model.text("width", None),
+    _model.text("skip-dfs-channels", None),
+    _model.words("secondary-frequency", None),
+    _model.text("reselect-interval", None),
+    *_model.since("7.19", _model.text("reselect-time", None)),
+    *_model.since("7.20", _model.boolean("deprioritize-unii-3-4", None)),
 )
 _SECURITY = (
-    words("authentication-types", None),
-    secret(text("passphrase", None)),
-    words("encryption", None),
-    text("group-encryption", None),
-    time("group-key-update"),
-    text("management-protection", None),
-    text("management-encryption", None),
-    text("wps", None),
-    boolean("disable-pmkid", None),
-    text("connect-group", None),
-    text("connect-priority", None),
-    words("dh-groups", None),
-    boolean("eap-accounting", None),
-    *texts("eap-anonymous-identity eap-certificate-mode eap-tls-certificate eap-username"),
-    words("eap-methods", None),
-    secret(text("eap-password", None)),
-    *(boolean(name, None) for name in ("ft", "ft-over-ds", "ft-preserve-vlanid")),
-    *texts("ft-mobility-domain ft-nas-identifier"),
-    time("ft-r0-key-lifetime"),
-    time("ft-reassociation-deadline"),
-    *texts("owe-transition-interface sae-anti-clogging-threshold sae-max-failure-rate sae-pwe"),
-    *since("7.17", text("multi-passphrase-group", None)),
-    *since("7.21", text("beacon-protection", None)),
+    _model.words("authentication-types", None),
+    _model.secret(_model.text("passphrase", None)),
+    _model.words("encryption", None),
+    _model.text("group-encryption", None),
+    _model.time("group-key-update"),
+    _model.text("management-protection", None),
+    _model.text("management-encryption", None),
+    _model.text("wps", None),
+    _model.boolean("disable-pmkid", None),
+    _model.text("connect-group", None),
+    _model.text("connect-priority", None),
+    _model.words("dh-groups", None),
+    _model.boolean("eap-accounting", None),
+    *_model.texts("eap-anonymous-identity eap-certificate-mode eap-tls-certificate eap-username"),
+    _model.words("eap-methods", None),
+    _model.secret(_model.text("eap-password", None)),
+    *(_model.boolean(name, None) for name in ("ft", "ft-over-ds", "ft-preserve-vlanid")),
+    *_model.texts("ft-mobility-domain ft-nas-identifier"),
+    _model.time("ft-r0-key-lifetime"),
+    _model.time("ft-reassociation-deadline"),
+    *_model.texts("owe-transition-interface sae-anti-clogging-threshold sae-max-failure-rate sae-pwe"),
+    *_model.since("7.17", _model.text("multi-passphrase-group", None)),
+    *_model.since("7.21", _model.text("beacon-protection", None)),
 )
 _DATAPATH = (
-    interface("bridge"),
-    number("bridge-cost"),
-    text("bridge-horizon", None),
-    boolean("client-isolation", None),
-    text("interface-list", None),
-    text("vlan-id", None),
-    *since("7.19", text("traffic-processing", None)),
-    *since("7.20", text("openflow-switch", None)),
+    _model.interface("bridge"),
+    _model.number("bridge-cost"),
+    _model.text("bridge-horizon", None),
+    _model.boolean("client-isolation", None),
+    _model.text("interface-list", None),
+    _model.text("vlan-id", None),
+    *_model.since("7.19", _model.text("traffic-processing", None)),
+    *_model.since("7.20", _model.text("openflow-switch", None)),
 )
 _CONFIGURATION = (
-    text("mode", None),
-    text("ssid", None),
-    text("country", None),
-    text("manager", None),
-    number("tx-power"),
-    number("antenna-gain"),
-    *since("7.14", number("distance")),
-    boolean("hide-ssid", None),
-    words("chains", None),
-    words("tx-chains", None),
-    time("beacon-interval"),
-    number("dtim-period"),
-    text("multicast-enhance", None),
-    text("qos-classifier", None),
-    *since("7.17", text("installation", None), boolean("station-roaming", None)),
-    *since("7.18", number("max-clients")),
-    *since("7.21", text("hw-protection-mode", None)),
+    _model.text("mode", None),
+    _model.text("ssid", None),
+    _model.text("country", None),
+    _model.text("manager", None),
+    _model.number("tx-power"),
+    _model.number("antenna-gain"),
+    *_model.since("7.14", _model.number("distance")),
+    _model.boolean("hide-ssid", None),
+    _model.words("chains", None),
+    _model.words("tx-chains", None),
+    _model.time("beacon-interval"),
+    _model.number("dtim-period"),
+    _model.text("multicast-enhance", None),
+    _model.text("qos-classifier", None),
+    *_model.since("7.17", _model.text("installation", None), _model.boolean("station-roaming", None)),
+    *_model.since("7.18", _model.number("max-clients")),
+    *_model.since("7.21", _model.text("hw-protection-mode", None)),
 )
 
 
-def _inside(name: str, fields: tuple[Field, ...]) -> tuple[Field, ...]:
+def _inside(name: str, fields: tuple[_model.Field, ...]) -> tuple[_model.Field, ...]:
     """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
-    return (text(name, None), *(replace(each, name=f"{name}.{each.name}") for each in fields))
+    return (_model.text(name, None), *(replace(each, name=f"{name}.{each.name}") for each in fields))
 
 
-def _profile(name: str, fields: tuple[Field, ...]) -> Menu:
-    return Menu(
+def _profile(name: str, fields: tuple[_model.Field, ...]) -> _model.Menu:
+    return _model.Menu(
         f"/interface/wifi/{name}",
-        Shape.LIST,
+        _model.Shape.LIST,
         Layer.FOUNDATION,
         keys=("name",),
         subject="{name}",
         since=_SINCE,
         has_config_view=name == "configuration",
-        fields=(text("name", None), COMMENT, DISABLED, *fields),
+        fields=(_model.text("name", None), _model.COMMENT, _model.DISABLED, *fields),
     )
 
 
-_OTHERS = texts("aaa interworking steering")
+_OTHERS = _model.texts("aaa interworking steering")
 _PROFILES = (*_inside("channel", _CHANNEL), *_inside("security", _SECURITY), *_inside("datapath", _DATAPATH), *_OTHERS)
 
-_RADIO = Menu(
+_RADIO = _model.Menu(
     "/interface/wifi",
-    Shape.FIXED,
+    _model.Shape.FIXED,
     Layer.FOUNDATION,
     keys=("default-name",),
     subject="{default-name}",
@@ -132,17 +114,22 @@ _RADIO = Menu(
     since=_SINCE,
     has_config_view=True,
     fields=(
-        interface("default-name"),
-        like("default-name", interface("name")),
-        COMMENT,
-        boolean("disabled", "yes"),
+        _model.interface("default-name"),
+        _model.like("default-name", _model.interface("name")),
+        _model.COMMENT,
+        _model.boolean("disabled", "yes"),
         *_inside("configuration", _CONFIGURATION),
         *_PROFILES,
-        text("arp", "enabled"),
-        text("arp-timeout", "auto"),
-        number("mtu", "1500"),
-        boolean("disable-running-check"),
-        *keep(number("l2mtu"), mac("mac-address"), mac("radio-mac"), interface("master-interface")),
+        _model.text("arp", "enabled"),
+        _model.text("arp-timeout", "auto"),
+        _model.number("mtu", "1500"),
+        _model.boolean("disable-running-check"),
+        *_model.keep(
+            _model.number("l2mtu"),
+            _model.mac("mac-address"),
+            _model.mac("radio-mac"),
+            _model.interface("master-interface"),
+        ),
     ),
 )
 

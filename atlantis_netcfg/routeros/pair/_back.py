@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.routeros import apply, scheduler_jobs
 from atlantis_netcfg.routeros.api import Unreachable
-from atlantis_netcfg.routeros.apply import Channel, DeviceResult, JobMode, Status, converge
 from atlantis_netcfg.routeros.apply._state import restoring
 from atlantis_netcfg.routeros.pair._end import End, StateMismatch
 from atlantis_netcfg.routeros.safe_mode import DEAD_SESSION_S, ApiSafeMode
-from atlantis_netcfg.routeros.scheduler_jobs import DEAD_MAN, PAIR, READ_JOBS
 from atlantis_netcfg.runs import NoJournal, ReleaseRecord
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ _QUICK_S = 10.0
 """For an answer that is worth having, but not worth waiting for."""
 
 
-async def back(work: Transaction, reason: NetcfgError) -> tuple[DeviceResult, DeviceResult]:
+async def back(work: Transaction, reason: NetcfgError) -> tuple[apply.DeviceResult, apply.DeviceResult]:
     """End a transaction that failed for `reason`: results of near and far end."""
     for end in work.ends:
         end.say(Stage.FAILED, end.clean(str(reason)))
@@ -41,7 +40,7 @@ class _WayBack:
     work: Transaction
     reason: NetcfgError
 
-    async def go(self) -> tuple[DeviceResult, DeviceResult]:
+    async def go(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         near, far = self.work.near, self.work.far
         if not (near.has_sent_changes or far.has_sent_changes):
             await self._let_go(near)
@@ -56,7 +55,7 @@ class _WayBack:
         if is_near_kept:
             return await self._forward()
         result = await self._far()
-        if far.is_released and result.status is Status.UNKNOWN:
+        if far.is_released and result.status is apply.Status.UNKNOWN:
             return await self._after_all()
         return self._near_result(), result
 
@@ -88,13 +87,13 @@ class _WayBack:
         except NetcfgError:
             return False
 
-    def _near_result(self) -> DeviceResult:
+    def _near_result(self) -> apply.DeviceResult:
         near = self.work.near
         return near.rolled_back(str(self.reason)) if near.has_sent_changes else self._untouched_result(near)
 
     # --- the far end -----------------------------------------------------------------------------------------------
 
-    async def _far(self) -> DeviceResult:
+    async def _far(self) -> apply.DeviceResult:
         """Wait until the far end has returned by itself, and say what it has become."""
         far, work = self.work.far, self.work
         await self._let_go(far)
@@ -113,7 +112,7 @@ class _WayBack:
         await self._no_job()
         return far.rolled_back(str(self.reason))
 
-    async def _forward(self) -> tuple[DeviceResult, DeviceResult]:
+    async def _forward(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         """The near end is new for good: see that the far one is, too."""
         near, far = self.work.near, self.work.far
         words = f"as declared: {len(near.actions)} actions read back, although: {self.reason}"
@@ -127,11 +126,13 @@ class _WayBack:
             return near.rolled_back(str(self.reason)), result
         return self._unknown(near), self._unknown(far)
 
-    async def _after_all(self) -> tuple[DeviceResult, DeviceResult]:
+    async def _after_all(self) -> tuple[apply.DeviceResult, apply.DeviceResult]:
         """The far end was kept and nothing has brought it back, so the near end has to follow it."""
         near, far = self.work.near, self.work.far
-        result = await converge(replace(near.job, agreed_hash=None, journal=NoJournal()), mode=JobMode.RESUME)
-        if result.status is not Status.CHANGED:
+        result = await apply.converge(
+            replace(near.job, agreed_hash=None, journal=NoJournal()), mode=apply.JobMode.RESUME
+        )
+        if result.status is not apply.Status.CHANGED:
             return self._unknown(near), self._unknown(far)
         return await self._forward()
 
@@ -153,7 +154,7 @@ class _WayBack:
 
     async def _wait_until_settled(
         self, end: End, patience_s: float, *, returning: bool = False
-    ) -> tuple[Channel, tuple[str, ...]] | None:
+    ) -> tuple[apply.Channel, tuple[str, ...]] | None:
         """Reach an end once nobody holds its safe mode: a session, and the menus that differ from before.
 
         `returning`: it may still show what its own rollback is about to take back: ask until that is over.
@@ -179,7 +180,7 @@ class _WayBack:
             await asyncio.sleep(end.job.patience.last_poll_s)
         return None
 
-    async def _is_declared(self, end: End, session: Channel) -> bool:
+    async def _is_declared(self, end: End, session: apply.Channel) -> bool:
         try:
             end.compare(await end.reread(session))
         except (StateMismatch, DeviceError):
@@ -191,11 +192,11 @@ class _WayBack:
         """Write what was observed before, as any other change is written; True if it then is so."""
         end.say(Stage.APPLYING, "putting the state before the run back")
         job = replace(end.job, desired_state=restoring(end.observation), journal=NoJournal(), agreed_hash=None)
-        await converge(job, mode=JobMode.RESUME)
+        await apply.converge(job, mode=apply.JobMode.RESUME)
         outcome = await self._wait_until_settled(end, end.job.patience.reach_s)
         return outcome is not None and not outcome[1]
 
-    async def _defuse_far(self, session: Channel) -> bool:
+    async def _defuse_far(self, session: apply.Channel) -> bool:
         """Take the far end's job away, over as many sessions as that takes; True if it is still as declared then."""
         far, clock = self.work.far, asyncio.get_running_loop().time
         until = clock() + far.job.patience.reach_s
@@ -219,29 +220,29 @@ class _WayBack:
             session = await far.contact.reach(_QUICK_S, "taking its job away")
             await self.work.defuse(session)
         except DeviceError:
-            far.notes.append(f"the job {PAIR} of its scheduler is still there, and goes when it has run")
+            far.notes.append(f"the job {scheduler_jobs.PAIR} of its scheduler is still there, and goes when it has run")
 
-    def _untouched_result(self, end: End) -> DeviceResult:
+    def _untouched_result(self, end: End) -> apply.DeviceResult:
         if not end.actions:
             return end.report_unchanged()
         hint = getattr(self.reason, "hint", None)
-        result = end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
+        result = end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {self.reason}", hint=hint)
         return replace(result, was_reached=not isinstance(self.reason, Unreachable))
 
-    def _unknown(self, end: End) -> DeviceResult:
+    def _unknown(self, end: End) -> apply.DeviceResult:
         site = self.work.near.job.site  # the one that was asked for; from there both ends are reached
         return end.result(
-            Status.UNKNOWN,
+            apply.Status.UNKNOWN,
             f"the outcome is not known: {self.reason}",
             hint="each end takes back by itself what was not kept, within ten minutes if its link has died; then:"
             f"  `provision resume site={site}`",
         )
 
 
-BackResults = tuple["DeviceResult", "DeviceResult"]
+BackResults = tuple["apply.DeviceResult", "apply.DeviceResult"]
 
 
-async def clear(work: Transaction, mode: JobMode) -> BackResults | None:
+async def clear(work: Transaction, mode: apply.JobMode) -> BackResults | None:
     """Leave nothing armed or open on either end, both read anew; else how the run ends.
 
     A job `atlantis-pair` takes its end back if the link is lost. It goes once both ends are as declared and nobody
@@ -281,7 +282,7 @@ async def wait_for_return(work: Transaction) -> None:
             continue
 
 
-def _in_use(work: Transaction, mode: JobMode) -> str:
+def _in_use(work: Transaction, mode: apply.JobMode) -> str:
     """Say what may belong to a run that is alive; empty: nothing does.
 
     Of a bridge that is as declared, a job alone is none: who is at work there holds safe mode, or has changed nothing
@@ -295,7 +296,7 @@ def _in_use(work: Transaction, mode: JobMode) -> str:
         if other is not None:
             return f"{end.name}: {other.text} is under way on this device, or has died there"
         alive = end.leftovers.alive(end.signer.is_over)
-        if alive is not None and mode is not JobMode.RESUME and not is_as_desired:
+        if alive is not None and mode is not apply.JobMode.RESUME and not is_as_desired:
             return f"{end.name}: {alive}"
     return ""
 
@@ -305,7 +306,9 @@ def _has_to_run(work: Transaction, end: End) -> bool:
     if not end.leftovers.jobs or not any(each.actions for each in work.ends):
         return False
     other = work.near if end is work.far else work.far
-    return end.leftovers.find_job(DEAD_MAN) is not None or (other.changes_radio and not end.changes_radio)
+    return end.leftovers.find_job(scheduler_jobs.DEAD_MAN) is not None or (
+        other.changes_radio and not end.changes_radio
+    )
 
 
 async def _until_run(work: Transaction) -> None:
@@ -315,7 +318,7 @@ async def _until_run(work: Transaction) -> None:
         with suppress(DeviceError):
             if end.leftovers.jobs:
                 longest_s = max(2 * work.pair.link_timeout_s, patience.undo_s + 2 * patience.dead_man_s)
-                await end.contact.until_fired(end.channel, READ_JOBS, longest_s)
+                await end.contact.until_fired(end.channel, scheduler_jobs.READ_JOBS, longest_s)
     await wait_for_return(work)
 
 
@@ -339,10 +342,10 @@ def _build_stop_results(work: Transaction, why: str) -> BackResults:
     return _left_between(work.near, work.near.job.site, why), _left_between(work.far, work.near.job.site, why)
 
 
-def _left_between(end: End, site: str, why: str) -> DeviceResult:
+def _left_between(end: End, site: str, why: str) -> apply.DeviceResult:
     """`site`: the one that was asked for; from there both ends are reached."""
     hint = (
         "let them finish, then run the same command again; if a run of ours has died there:"
         f"  `provision resume site={site}`"
     )
-    return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)
+    return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}", hint=hint)

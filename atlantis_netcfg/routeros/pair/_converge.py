@@ -11,10 +11,10 @@ from __future__ import annotations
 import asyncio
 from dataclasses import replace
 
-from atlantis_netcfg.core.errors import DeviceError, ExitCode, NetcfgError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.routeros import apply
 from atlantis_netcfg.routeros.api import Traffic
-from atlantis_netcfg.routeros.apply import DeviceJob, DeviceResult, JobMode, Status, converge, stopped_before_turn
 from atlantis_netcfg.routeros.apply._contact import Contact, completed_despite_stop
 from atlantis_netcfg.routeros.pair._back import back, clear, read_again, wait_for_return
 from atlantis_netcfg.routeros.pair._end import End, Pair
@@ -23,7 +23,7 @@ from atlantis_netcfg.routeros.pair._transaction import SAFE_MODE, Transaction
 from atlantis_netcfg.routeros.safe_mode import BUDGET, DEAD_SESSION_S
 
 
-async def follow(work: Transaction) -> DeviceResult | None:
+async def follow(work: Transaction) -> apply.DeviceResult | None:
     """Let the near end, which has been read, go where the far end is; None: it is kept, else how it ended."""
     near, far = work.near, work.far
     near.say(Stage.WAITING, f"{far.name} is not to be seen: {near.name} follows it to what is declared")
@@ -32,34 +32,34 @@ async def follow(work: Transaction) -> DeviceResult | None:
         await work.change_near()
         far.session = await far.contact.reach(work.pair.link_timeout_s, "following it")
         await work.release(near, near.channel)
-    except NetcfgError as failure:
+    except errors.NetcfgError as failure:
         return await _back(work, f"{far.name} did not answer after {near.name} had followed it: {failure}")
     return None
 
 
-async def _back(work: Transaction, why: str) -> DeviceResult:
+async def _back(work: Transaction, why: str) -> apply.DeviceResult:
     """Take the near end back, and say what was read of it then."""
     near = work.near
     try:
         session = near.channel
         await SAFE_MODE.unroll(session)
         different_menus = near.same(await near.reread(session))
-    except NetcfgError as lost:
-        return near.result(Status.UNKNOWN, f"the outcome is not known: {why}; then: {lost}")
+    except errors.NetcfgError as lost:
+        return near.result(apply.Status.UNKNOWN, f"the outcome is not known: {why}; then: {lost}")
     if different_menus:
         return near.result(
-            Status.UNKNOWN, f"the outcome is not known: {why}; it differs in {', '.join(different_menus)}"
+            apply.Status.UNKNOWN, f"the outcome is not known: {why}; it differs in {', '.join(different_menus)}"
         )
     return near.rolled_back(why)
 
 
-Results = tuple["DeviceResult", "DeviceResult"]
+Results = tuple["apply.DeviceResult", "apply.DeviceResult"]
 
 _CONNECT_S = 15.0
 """For one attempt: the link comes and goes while we wait for it, so ask often."""
 
 
-async def converge_pair(pair: Pair, *, mode: JobMode = JobMode.APPLY) -> Results:
+async def converge_pair(pair: Pair, *, mode: apply.JobMode = apply.JobMode.APPLY) -> Results:
     """Bring both ends to their declared states, or say why not: results of near and far end.
 
     Where no radio is changed, both are ordinary runs, far end first. So is the near end's run while its radio is off
@@ -73,11 +73,11 @@ async def converge_pair(pair: Pair, *, mode: JobMode = JobMode.APPLY) -> Results
     return _with_cost(near, near_sessions), _with_cost(far, far_sessions)
 
 
-def _count_sessions(job: DeviceJob, sessions: list[Traffic]) -> DeviceJob:
+def _count_sessions(job: apply.DeviceJob, sessions: list[Traffic]) -> apply.DeviceJob:
     return replace(job, endpoint=replace(job.endpoint, opening=sessions.append))
 
 
-def _with_cost(result: DeviceResult, sessions: list[Traffic]) -> DeviceResult:
+def _with_cost(result: apply.DeviceResult, sessions: list[Traffic]) -> apply.DeviceResult:
     cost = Traffic.total(sessions)
     return replace(
         result,
@@ -88,8 +88,8 @@ def _with_cost(result: DeviceResult, sessions: list[Traffic]) -> DeviceResult:
     )
 
 
-async def _converge_both(pair: Pair, mode: JobMode) -> Results:
-    if mode not in (JobMode.PLAN, JobMode.APPLY, JobMode.RESUME, JobMode.ROLLBACK):
+async def _converge_both(pair: Pair, mode: apply.JobMode) -> Results:
+    if mode not in (apply.JobMode.PLAN, apply.JobMode.APPLY, apply.JobMode.RESUME, apply.JobMode.ROLLBACK):
         return await _one_by_one(pair, mode)
     start_time = asyncio.get_running_loop().time()
     near, far = (
@@ -106,7 +106,7 @@ async def _converge_both(pair: Pair, mode: JobMode) -> Results:
     if results is not None:
         return results
     if is_stopped:
-        return stopped_before_turn(near.name), stopped_before_turn(far.name)
+        return apply.stopped_before_turn(near.name), apply.stopped_before_turn(far.name)
     return await _one_by_one(pair, mode, work)
 
 
@@ -123,7 +123,7 @@ async def _close(work: Transaction) -> None:
         await end.contact.close()
 
 
-async def _stoppable(work: Transaction, mode: JobMode) -> Results | None:
+async def _stoppable(work: Transaction, mode: apply.JobMode) -> Results | None:
     """Run the pair as one; stopped before both ends were read, nothing was changed."""
     try:
         return await _run(work, mode)
@@ -131,31 +131,32 @@ async def _stoppable(work: Transaction, mode: JobMode) -> Results | None:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
         if all(end.before is not None for end in work.ends):
-            return await back(work, DeviceError("stopped by hand"))
+            return await back(work, errors.DeviceError("stopped by hand"))
         near, far = (
-            end.result(Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand") for end in (work.near, work.far)
+            end.result(apply.Status.LEFT_AS_FOUND, "nothing was changed: stopped by hand")
+            for end in (work.near, work.far)
         )
         return near, far
 
 
-def _patient(job: DeviceJob) -> DeviceJob:
+def _patient(job: apply.DeviceJob) -> apply.DeviceJob:
     endpoint = replace(job.endpoint, connect_timeout_s=min(job.endpoint.connect_timeout_s, _CONNECT_S))
     return replace(job, endpoint=endpoint)
 
 
-async def _one_by_one(pair: Pair, mode: JobMode, work: Transaction | None = None) -> Results:
+async def _one_by_one(pair: Pair, mode: apply.JobMode, work: Transaction | None = None) -> Results:
     """Run ordinary runs, far end first: what goes wrong there should not have cost us the near end before."""
     if work is not None and work.unseen is not None:
-        near = await converge(pair.near, mode=mode)
+        near = await apply.converge(pair.near, mode=mode)
         return replace(near, notes=(*near.notes, _end_by_end(pair))), work.far.finish(work.unseen)
-    far = await converge(pair.far, mode=mode)
-    near = stopped_before_turn(pair.near.name) if far.is_stopped else await converge(pair.near, mode=mode)
+    far = await apply.converge(pair.far, mode=mode)
+    near = apply.stopped_before_turn(pair.near.name) if far.is_stopped else await apply.converge(pair.near, mode=mode)
     if work is not None:
         near, far = (_add_notes(work, end, each) for end, each in ((work.near, near), (work.far, far)))
     return near, far
 
 
-def _add_notes(work: Transaction, end: End, result: DeviceResult) -> DeviceResult:
+def _add_notes(work: Transaction, end: End, result: apply.DeviceResult) -> apply.DeviceResult:
     """Add what the pair knows of an end that was run alone."""
     notes = [_words(work.pair)] if any(each.changes_radio for each in work.ends) else []
     notes += [f"removed {what}" for what in end.removed_items]
@@ -176,40 +177,45 @@ def _words(pair: Pair) -> str:
     )
 
 
-async def _run(work: Transaction, mode: JobMode) -> Results | None:
+async def _run(work: Transaction, mode: apply.JobMode) -> Results | None:
     """Run the pair as one; None: these are ordinary runs."""
     results = await _read(work, mode)
     if results is not None or work.unseen is not None:
         return results
     has_leftovers = any(end.leftovers for end in work.ends)
-    if has_leftovers and mode is not JobMode.PLAN:
+    if has_leftovers and mode is not apply.JobMode.PLAN:
         results = await clear(work, mode)
         if results is not None:
             return results
-    if not any(end.actions for end in work.ends) and not (has_leftovers and mode is JobMode.PLAN):
+    if not any(end.actions for end in work.ends) and not (has_leftovers and mode is apply.JobMode.PLAN):
         return work.near.report_unchanged(), work.far.report_unchanged()
     if not any(end.changes_radio for end in work.ends):
         return None
     refusal = _refusal(work, mode)
     if refusal:
         text = f"refused, nothing was changed: {refusal}"
-        near, far = (end.result(Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
+        near, far = (end.result(apply.Status.REFUSED, text, hint=end.hint()) for end in (work.near, work.far))
         return near, far
-    return None if mode is JobMode.PLAN else await _honestly(work)
+    return None if mode is apply.JobMode.PLAN else await _honestly(work)
 
 
-async def _read(work: Transaction, mode: JobMode) -> Results | None:
+async def _read(work: Transaction, mode: apply.JobMode) -> Results | None:
     """Read and plan both ends; the results of a pair of which one end cannot be read or planned."""
-    if mode is JobMode.RESUME:
+    if mode is apply.JobMode.RESUME:
         await wait_for_return(work)
     problems = await asyncio.gather(*(end.problem(mode) for end in (work.near, work.far)))
     if not any(problems):
         return None
     near, far = problems
-    if near is None and far is not None and mode in (JobMode.PLAN, JobMode.APPLY) and _is_new(work.near, far):
+    if (
+        near is None
+        and far is not None
+        and mode in (apply.JobMode.PLAN, apply.JobMode.APPLY)
+        and _is_new(work.near, far)
+    ):
         work.unseen = far
         return None
-    if mode is JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
+    if mode is apply.JobMode.RESUME and near is None and far is not None and work.near.changes_radio:
         return await _alone(work, far)
     return (
         near or _unchanged_result(work.near, f"its other end {work.far.name} could not be looked at"),
@@ -217,43 +223,45 @@ async def _read(work: Transaction, mode: JobMode) -> Results | None:
     )
 
 
-def _is_new(near: End, far: DeviceResult) -> bool:
+def _is_new(near: End, far: apply.DeviceResult) -> bool:
     """Tell whether there is no bridge yet that could be lost."""
     radio = near.radio(after=False)
-    return far.status is Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
+    return far.status is apply.Status.LEFT_AS_FOUND and radio is not None and radio.get("disabled") in ("yes", "true")
 
 
-async def _alone(work: Transaction, far_result: DeviceResult) -> Results:
+async def _alone(work: Transaction, far_result: apply.DeviceResult) -> Results:
     """The far end is not to be seen, and may have been kept alone: follow it, then go on with both."""
     near = work.near
     refusal = "; ".join(near.refusals())
     if refusal:
-        return near.result(Status.REFUSED, f"refused, nothing was changed: {refusal}", hint=near.hint()), far_result
+        return near.result(
+            apply.Status.REFUSED, f"refused, nothing was changed: {refusal}", hint=near.hint()
+        ), far_result
     failure = await follow(work)
     if failure is not None:
         return failure, far_result
     near_result = _success_result(near)
     stop_results = await read_again(work) or (
-        await clear(work, JobMode.RESUME) if any(end.leftovers for end in work.ends) else None
+        await clear(work, apply.JobMode.RESUME) if any(end.leftovers for end in work.ends) else None
     )
     return near_result, stop_results[1] if stop_results is not None else _unchanged_result(
         work.far, "run the same command again"
     )
 
 
-def _unchanged_result(end: End, why: str) -> DeviceResult:
+def _unchanged_result(end: End, why: str) -> apply.DeviceResult:
     if end.leftovers:
         why = "; ".join((why, *end.leftovers.words()))
     elif not end.actions:
         return end.report_unchanged()
-    return end.result(Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
+    return end.result(apply.Status.LEFT_AS_FOUND, f"nothing was changed: {why}")
 
 
-def _refusal(work: Transaction, mode: JobMode) -> str:
+def _refusal(work: Transaction, mode: apply.JobMode) -> str:
     names = (work.near.name, work.far.name)
     conflicts = disagreements(work.near.radio(after=True), work.far.radio(after=True), names)
     reasons = [f"the two ends would not find each other: {'; '.join(conflicts)}"] if conflicts else []
-    if mode is not JobMode.PLAN:
+    if mode is not apply.JobMode.PLAN:
         reasons += [f"{end.name}: {why}" for end in work.ends for why in end.refusals()]
     reasons += [
         f"{end.name}: {end.plan.weight} rows change, and safe mode remembers {BUDGET}: do it in two steps"
@@ -267,19 +275,19 @@ async def _honestly(work: Transaction) -> Results:
     """Go forward, and turn whatever goes wrong into an honest end."""
     try:
         await work.forward()
-    except NetcfgError as failure:
+    except errors.NetcfgError as failure:
         return await back(work, failure)
     except asyncio.CancelledError:
         if (task := asyncio.current_task()) is not None:
             task.uncancel()
-        return await back(work, DeviceError("stopped by hand"))
+        return await back(work, errors.DeviceError("stopped by hand"))
     except Exception as fault:  # noqa: BLE001 - whatever we did wrong, no end must stay between two states
-        near, far = await back(work, DeviceError(f"provision itself failed ({type(fault).__name__})"))
+        near, far = await back(work, errors.DeviceError(f"provision itself failed ({type(fault).__name__})"))
         return _ours(near, fault), _ours(far, fault)
     return _success_result(work.near), _success_result(work.far)
 
 
-def _success_result(end: End) -> DeviceResult:
+def _success_result(end: End) -> apply.DeviceResult:
     number = len(end.actions)
     return (
         end.confirm(f"{number} action{'s' if number != 1 else ''} applied and verified")
@@ -288,6 +296,6 @@ def _success_result(end: End) -> DeviceResult:
     )
 
 
-def _ours(result: DeviceResult, fault: Exception) -> DeviceResult:
-    exit_ = ExitCode.UNKNOWN if result.status is Status.UNKNOWN else ExitCode.OUR_FAULT
+def _ours(result: apply.DeviceResult, fault: Exception) -> apply.DeviceResult:
+    exit_ = errors.ExitCode.UNKNOWN if result.status is apply.Status.UNKNOWN else errors.ExitCode.OUR_FAULT
     return replace(result, exit=exit_, fault=fault)

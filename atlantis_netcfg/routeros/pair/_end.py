@@ -10,45 +10,37 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.core.errors import DeviceError, NetcfgError, complete
+from atlantis_netcfg import runs
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.core.versions import Version
-from atlantis_netcfg.routeros.apply import Channel, DeviceJob, DeviceResult, JobMode, Status
+from atlantis_netcfg.routeros import apply, guard, planner
+from atlantis_netcfg.routeros.apply import _state, _work
 from atlantis_netcfg.routeros.apply._change import missing
 from atlantis_netcfg.routeros.apply._contact import Contact, choose_variant
 from atlantis_netcfg.routeros.apply._job import Unfit
-from atlantis_netcfg.routeros.apply._state import RunSigner, differing, digest, invalid, plan_hash
-from atlantis_netcfg.routeros.apply._work import (
-    AGREE_APART,
-    Leftovers,
-    build_journal_action,
-    find_missing_consent,
-    look,
-    mask_secrets,
-    record_outcome,
-)
 from atlantis_netcfg.routeros.commands import Examination
 from atlantis_netcfg.routeros.estimate import estimate
-from atlantis_netcfg.routeros.guard import MENUS as GUARDED
-from atlantis_netcfg.routeros.guard import ManagementPath, objections
 from atlantis_netcfg.routeros.observe import MenuMissing, observe
-from atlantis_netcfg.routeros.pair._radio import MENUS, PairRadio, drops_link, radio_of, touches_radio
-from atlantis_netcfg.routeros.planner import CannotPlan, plan, simulate
-from atlantis_netcfg.runs import ActionConfirmation, DeviceObservation, JournalError, PlanRecord, Record, RollbackRecord
+from atlantis_netcfg.routeros.pair import _radio
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.routeros._types import Action, Observation, Plan
+    from atlantis_netcfg.routeros import _types
 
 
 _LIST_LIMIT = 3
 _SAFE_MODE = Version(7, 18)
 """The first that has it over the API."""
-_STAGES = {Status.UNCHANGED: Stage.DONE, Status.CHANGED: Stage.CONFIRMED, Status.ROLLED_BACK: Stage.UNROLLED}
+_STAGES = {
+    apply.Status.UNCHANGED: Stage.DONE,
+    apply.Status.CHANGED: Stage.CONFIRMED,
+    apply.Status.ROLLED_BACK: Stage.UNROLLED,
+}
 
 
-class StateMismatch(DeviceError):
+class StateMismatch(errors.DeviceError):
     """What was read back is not what is declared: nothing of the change may stay."""
 
 
@@ -56,17 +48,17 @@ class StateMismatch(DeviceError):
 class End:
     """A device and where its part of the transaction stands."""
 
-    job: DeviceJob
+    job: apply.DeviceJob
     contact: Contact
     radio_name: str
     start_time: float
-    session: Channel | None = None
+    session: apply.Channel | None = None
     """The first session, which holds safe mode; None once it is known to be dead."""
-    before: Observation | None = None
-    plan: Plan | None = None
+    before: _types.Observation | None = None
+    plan: _types.Plan | None = None
     examination: Examination = field(default_factory=Examination)
     """What the device's own parser has said of the plan."""
-    after: Observation | None = None
+    after: _types.Observation | None = None
     """The device as it was read back, with nothing left to do."""
     owner: str = ""
     """What the device calls us while we hold its safe mode; empty: we do not."""
@@ -74,7 +66,7 @@ class End:
     """`.id` of the job of its scheduler that brings its radio back; empty: there is none."""
     arms: bool = False
     """Such a job was sent, and may be armed."""
-    leftovers: Leftovers = field(default_factory=Leftovers)
+    leftovers: _work.Leftovers = field(default_factory=_work.Leftovers)
     """What was armed or open when it was read."""
     removed_items: tuple[str, ...] = ()
     """What a run that is over had left there, and this one has taken away."""
@@ -94,56 +86,60 @@ class End:
         return self.job.name
 
     @property
-    def observation(self) -> Observation:
+    def observation(self) -> _types.Observation:
         """The device before the transaction."""
         if self.before is None:
             raise RuntimeError(f"{self.name} has not been read")
         return self.before
 
     @property
-    def aim(self) -> Plan:
+    def aim(self) -> _types.Plan:
         """The plan. Raises RuntimeError where there is none."""
         if self.plan is None:
             raise RuntimeError(f"{self.name} has not been planned")
         return self.plan
 
     @property
-    def actions(self) -> tuple[Action, ...]:
+    def actions(self) -> tuple[_types.Action, ...]:
         """What is to be done."""
         return self.plan.actions if self.plan is not None else ()
 
     @property
-    def channel(self) -> Channel:
+    def channel(self) -> apply.Channel:
         """The first session. Raises DeviceFailed once it is gone."""
         if self.session is None:
-            raise DeviceError(f"the session with {self.name} is gone")
+            raise errors.DeviceError(f"the session with {self.name} is gone")
         return self.session
 
     @property
-    def calm(self) -> tuple[Action, ...]:
+    def calm(self) -> tuple[_types.Action, ...]:
         """The actions before the first that may interrupt the link."""
-        number = next((at for at, action in enumerate(self.actions) if drops_link(action)), len(self.actions))
+        number = next((at for at, action in enumerate(self.actions) if _radio.drops_link(action)), len(self.actions))
         return self.actions[:number]
 
     @property
-    def storm(self) -> tuple[Action, ...]:
+    def storm(self) -> tuple[_types.Action, ...]:
         """The others."""
         return self.actions[len(self.calm) :]
 
     @property
     def changes_radio(self) -> bool:
         """Whether the plan may interrupt the link."""
-        return touches_radio(self.actions)
+        return _radio.touches_radio(self.actions)
 
-    def radio(self, *, after: bool) -> PairRadio | None:
+    def radio(self, *, after: bool) -> _radio.PairRadio | None:
         """Return the radio of the bridge as it is, or as the plan leaves it."""
-        rows = simulate(self.observation.rows, self.plan) if after and self.plan is not None else self.observation.rows
-        return radio_of(rows, self.radio_name)
+        rows = (
+            planner.simulate(self.observation.rows, self.plan)
+            if after and self.plan is not None
+            else self.observation.rows
+        )
+        return _radio.radio_of(rows, self.radio_name)
 
     @property
-    def signer(self) -> RunSigner:
+    def signer(self) -> _state.RunSigner:
         """Whose job this run arms on the device, and whose leftovers it may take away."""
-        return RunSigner(self.job, self.observation.facts.session_address)
+        return _state.RunSigner(self.job, self.observation.facts.session_address)
 
     # --- reading ---------------------------------------------------------------------------------------------------
 
@@ -152,33 +148,35 @@ class End:
         self.say(Stage.CONNECTING, f"to {self.job.endpoint}", self.job.endpoint.connect_timeout_s)
         self.session = await self.contact.open()
         self.job = await choose_variant(self.session, self.job)
-        self.before = await observe(self.session, self.job.endpoint, self.job.desired_state.menus, (*GUARDED, *MENUS))
-        self.leftovers = look(self.before)
+        self.before = await observe(
+            self.session, self.job.endpoint, self.job.desired_state.menus, (*guard.MENUS, *_radio.MENUS)
+        )
+        self.leftovers = _work.look(self.before)
         facts = self.before.facts
         self.record(
-            DeviceObservation(
-                device=self.name, version=str(facts.version), identity=facts.identity, state=digest(self.before)
+            runs.DeviceObservation(
+                device=self.name, version=str(facts.version), identity=facts.identity, state=_state.digest(self.before)
             )
         )
-        self.plan = plan(self.name, self.job.desired_state, self.before)
+        self.plan = planner.plan(self.name, self.job.desired_state, self.before)
         while commands := self.examination.questions(self.actions, self.before.rows):
             self.examination.read_answers(await self.session.flight(commands))
         if (doubt := self.examination.doubt(self.actions)) and doubt not in self.notes:
             self.notes.append(doubt)
         self.say(Stage.PLANNED, f"{len(self.actions)} actions" if self.actions else "nothing to change")
 
-    async def problem(self, mode: JobMode = JobMode.APPLY) -> DeviceResult | None:
+    async def problem(self, mode: apply.JobMode = apply.JobMode.APPLY) -> apply.DeviceResult | None:
         """Read in a first session, in place of one that there was; how the run ends if that fails."""
         session, self.session = self.session, None
         if session is not None:
             await self.contact.leave(session)
         try:
             await self.read()
-        except (CannotPlan, MenuMissing, Unfit) as refusal:
-            return self.result(Status.REFUSED, str(refusal), hint=refusal.hint)
-        except NetcfgError as failure:
-            what = "could not be read" if mode is JobMode.PLAN else "nothing was changed"
-            return self.result(Status.LEFT_AS_FOUND, f"{what}: {failure}", hint=failure.hint)
+        except (planner.CannotPlan, MenuMissing, Unfit) as refusal:
+            return self.result(apply.Status.REFUSED, str(refusal), hint=refusal.hint)
+        except errors.NetcfgError as failure:
+            what = "could not be read" if mode is apply.JobMode.PLAN else "nothing was changed"
+            return self.result(apply.Status.LEFT_AS_FOUND, f"{what}: {failure}", hint=failure.hint)
         return None
 
     def refusals(self) -> Iterator[str]:
@@ -186,7 +184,7 @@ class End:
         facts, path = self.observation.facts, self._path()
         if self.plan is None or not self.actions:
             return
-        yield from objections(self.plan, self.observation, path)
+        yield from guard.objections(self.plan, self.observation, path)
         yield from missing(self.plan, self.observation)
         yield from self.examination.objections(self.actions, self.job.desired_state.source)
         if not facts.has_safe_mode:
@@ -194,9 +192,9 @@ class End:
         if facts.safe_mode_owner is not None:
             yield f"{facts.safe_mode_owner} holds safe mode, and there is only one"
         yield from self._too_dear(self.plan)
-        if apart := find_missing_consent(self.job, self.plan):
+        if apart := _work.find_missing_consent(self.job, self.plan):
             yield apart
-        if self.job.agreed_hash is not None and self.job.agreed_hash != plan_hash(self.plan):
+        if self.job.agreed_hash is not None and self.job.agreed_hash != _state.plan_hash(self.plan):
             yield "the device has changed since the plan was shown; look at the new plan and agree to it"
 
     def hint(self) -> str | None:
@@ -204,9 +202,9 @@ class End:
         facts = self.observation.facts
         if not facts.has_safe_mode and self.actions:
             return facts.upgrade(_SAFE_MODE)
-        return AGREE_APART if self.plan is not None and find_missing_consent(self.job, self.plan) else None
+        return _work.AGREE_APART if self.plan is not None and _work.find_missing_consent(self.job, self.plan) else None
 
-    def _too_dear(self, current_plan: Plan) -> Iterator[str]:
+    def _too_dear(self, current_plan: _types.Plan) -> Iterator[str]:
         """An estimate as if this end were alone: that both wait for each other costs a few round trips more."""
         job = self.job
         if job.cost_policy is None or job.bearer is None:
@@ -216,33 +214,33 @@ class End:
         if refusal is not None:
             yield refusal
 
-    def _path(self) -> ManagementPath:
+    def _path(self) -> guard.ManagementPath:
         job, facts = self.job, self.observation.facts
-        return ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
+        return guard.ManagementPath(facts.session_address, job.address or job.endpoint.host, user=job.endpoint.user)
 
-    async def reread(self, session: Channel) -> Observation:
+    async def reread(self, session: apply.Channel) -> _types.Observation:
         """Read what was read before the transaction, in another session. Raises SessionLost."""
         return await observe(session, self.job.endpoint, self.job.desired_state.menus, tuple(self.observation.rows))
 
-    def compare(self, now: Observation) -> None:
+    def compare(self, now: _types.Observation) -> None:
         """See that nothing is left to do. Raises NotAsDeclared."""
         try:
-            remaining_actions = plan(self.name, self.job.desired_state, now).actions
-        except CannotPlan as problem:
+            remaining_actions = planner.plan(self.name, self.job.desired_state, now).actions
+        except planner.CannotPlan as problem:
             raise StateMismatch(f"what {self.name} has become does not fit any more: {problem}") from problem
         if remaining_actions:
             names = "; ".join(f"{action.verb} {action.subject}" for action in remaining_actions[:_LIST_LIMIT])
             raise StateMismatch(f"{self.name} did not keep everything; still to do: {names}")
-        unused_rows = [row for row in invalid(now) if row not in invalid(self.observation)]
+        unused_rows = [row for row in _state.invalid(now) if row not in _state.invalid(self.observation)]
         if unused_rows:
             raise StateMismatch(
                 f"{self.name} took these rows, but does not use them: {'; '.join(unused_rows[:_LIST_LIMIT])}"
             )
         self.after = now
 
-    def same(self, now: Observation) -> tuple[str, ...]:
+    def same(self, now: _types.Observation) -> tuple[str, ...]:
         """Return the menus in which the device is not as it was before."""
-        return differing(self.observation, now)
+        return _state.differing(self.observation, now)
 
     # --- telling ---------------------------------------------------------------------------------------------------
 
@@ -251,49 +249,49 @@ class End:
         event = Event(self.name, stage, message, self.confirmed_count, len(self.actions), limit_s=limit_s)
         self.job.events(event)
 
-    def record(self, record: Record) -> None:
+    def record(self, record: runs.Record) -> None:
         """Put a record on disk. Raises JournalFailed."""
         self.job.journal.write(record)
 
-    def note(self, record: Record) -> None:
+    def note(self, record: runs.Record) -> None:
         """Put a record on disk if that is possible: what it reports has happened in any case."""
-        with suppress(JournalError):
+        with suppress(runs.JournalError):
             self.job.journal.write(record)
 
     def announce(self) -> None:
         """Put the plan into the journal."""
         if self.plan is not None:
-            actions = tuple(map(build_journal_action, self.actions))
-            self.record(PlanRecord(device=self.name, plan=plan_hash(self.plan), actions=actions))
+            actions = tuple(map(_work.build_journal_action, self.actions))
+            self.record(runs.PlanRecord(device=self.name, plan=_state.plan_hash(self.plan), actions=actions))
 
-    def confirm(self, message: str) -> DeviceResult:
+    def confirm(self, message: str) -> apply.DeviceResult:
         """Say that the device is as declared, for good."""
         numbers = tuple(action.number for action in self.actions)
-        self.note(ActionConfirmation(device=self.name, actions=numbers))
+        self.note(runs.ActionConfirmation(device=self.name, actions=numbers))
         self.confirmed_count = len(numbers)
-        return self.result(Status.CHANGED, message)
+        return self.result(apply.Status.CHANGED, message)
 
-    def rolled_back(self, why: str) -> DeviceResult:
+    def rolled_back(self, why: str) -> apply.DeviceResult:
         """Say that the device is as before."""
-        self.note(RollbackRecord(device=self.name, reason=self.clean(why)))
-        return self.result(Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
+        self.note(runs.RollbackRecord(device=self.name, reason=self.clean(why)))
+        return self.result(apply.Status.ROLLED_BACK, f"taken back, the device is as before: {why}")
 
-    def report_unchanged(self) -> DeviceResult:
+    def report_unchanged(self) -> apply.DeviceResult:
         """Say that nothing was to be changed, and what was taken away that a run had left."""
         if not self.removed_items:
-            return self.result(Status.UNCHANGED, "no changes needed")
+            return self.result(apply.Status.UNCHANGED, "no changes needed")
         self.after = self.observation
-        return self.result(Status.CHANGED, f"as declared; removed {' and '.join(self.removed_items)}")
+        return self.result(apply.Status.CHANGED, f"as declared; removed {' and '.join(self.removed_items)}")
 
-    def result(self, status: Status, message: str, *, hint: str | None = None) -> DeviceResult:
+    def result(self, status: apply.Status, message: str, *, hint: str | None = None) -> apply.DeviceResult:
         """Say how it ended."""
         traffic, now = self.contact.traffic, asyncio.get_running_loop().time()
-        return DeviceResult(
+        return apply.DeviceResult(
             name=self.name,
             status=status,
             exit=status.exit,
-            message=complete(self.clean(message), site=self.job.site, device=self.name),
-            hint=hint and complete(hint, site=self.job.site, device=self.name),
+            message=errors.complete(self.clean(message), site=self.job.site, device=self.name),
+            hint=hint and errors.complete(hint, site=self.job.site, device=self.name),
             planned_count=len(self.actions),
             rows=self.plan.weight if self.plan is not None else 0,
             foreign_words=self.plan.foreign_words if self.plan is not None else "",
@@ -301,7 +299,7 @@ class End:
             diff=self.plan.diff if self.plan is not None else "",
             drift=self.plan.drift if self.plan is not None else (),
             notes=(*(self.plan.notes if self.plan is not None else ()), *self.notes, *self.contact.notes),
-            plan_hash=plan_hash(self.plan) if self.plan is not None else "",
+            plan_hash=_state.plan_hash(self.plan) if self.plan is not None else "",
             protection=self.protection,
             round_trips=traffic.round_trips,
             sent_bytes=traffic.sent_bytes,
@@ -313,12 +311,12 @@ class End:
 
     def clean(self, text: str) -> str:
         """Mask secrets of the plan in a text of the device, should it ever repeat one."""
-        return mask_secrets(text, self.actions)
+        return _work.mask_secrets(text, self.actions)
 
-    def finish(self, result: DeviceResult) -> DeviceResult:
+    def finish(self, result: apply.DeviceResult) -> apply.DeviceResult:
         """Record and tell the end; a journal that cannot be written is said in the result."""
-        read = {Status.UNCHANGED: self.before, Status.CHANGED: self.after}.get(result.status)
-        result = record_outcome(self.job, result, read if self.plan is not None else None)
+        read = {apply.Status.UNCHANGED: self.before, apply.Status.CHANGED: self.after}.get(result.status)
+        result = _work.record_outcome(self.job, result, read if self.plan is not None else None)
         self.say(_STAGES.get(result.status, Stage.FAILED), result.message)
         return result
 
@@ -335,8 +333,8 @@ class Signal:
 class Pair:
     """The ends of one bridge, told apart by where the technician stands: `far` is reached through `near`'s radio."""
 
-    near: DeviceJob
-    far: DeviceJob
+    near: apply.DeviceJob
+    far: apply.DeviceJob
     near_radio: str = ""
     """Factory name (`wlan1`); empty: the first radio of the device."""
     far_radio: str = ""

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Action, Row, Verb
+from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.api import Command
 
 if TYPE_CHECKING:
@@ -49,24 +49,24 @@ class PairRadio:
         return self.values.get(name, default)
 
 
-def touches_radio(actions: Sequence[Action]) -> bool:
+def touches_radio(actions: Sequence[_types.Action]) -> bool:
     """Tell whether anything of a plan could end or change the link."""
     return any(drops_link(action) for action in actions)
 
 
-def drops_link(action: Action) -> bool:
+def drops_link(action: _types.Action) -> bool:
     """Tell whether an action may interrupt the link: settings of a radio or of a profile, and lists of whom it takes.
 
     A profile that is new is harmless until somebody names it.
     """
     if action.menu not in MENUS:
         return False
-    if action.verb is Verb.ADD:
+    if action.verb is _types.Verb.ADD:
         return action.menu in _LISTS
-    return action.verb is not Verb.SET or any(name.lstrip("!") not in _IDLE for name, _ in action.values)
+    return action.verb is not _types.Verb.SET or any(name.lstrip("!") not in _IDLE for name, _ in action.values)
 
 
-def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> PairRadio | None:
+def radio_of(rows: Mapping[str, tuple[_types.Row, ...]], name: str = "") -> PairRadio | None:
     """Return the radio with this factory name, else the first one of the device; None if it has none."""
     for menu, resolve in ((LEGACY, _legacy), (WIFI, _wifi)):
         for row in rows.get(menu, ()):
@@ -75,7 +75,7 @@ def radio_of(rows: Mapping[str, tuple[Row, ...]], name: str = "") -> PairRadio |
     return None
 
 
-def _legacy(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
+def _legacy(rows: Mapping[str, tuple[_types.Row, ...]], row: _types.Row) -> Mapping[str, str]:
     """Return the radio's row, and its security profile's with `security.` before the names."""
     profile_name = row.get("security-profile", "default")
     profiles = rows.get(f"{LEGACY}/security-profiles", ())
@@ -83,7 +83,7 @@ def _legacy(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
     return {**{f"security.{name}": value for name, value in profile.items()}, **row}
 
 
-def _wifi(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
+def _wifi(rows: Mapping[str, tuple[_types.Row, ...]], row: _types.Row) -> Mapping[str, str]:
     """Resolve inheritance: interface, its profiles, its configuration profile, profiles of that (Manual, WiFi)."""
     configuration = _find_profile(rows, "configuration", row)
     inside = {
@@ -94,11 +94,11 @@ def _wifi(rows: Mapping[str, tuple[Row, ...]], row: Row) -> Mapping[str, str]:
     return {name: value for layer in layers for name, value in layer.items()}
 
 
-def _profiles(rows: Mapping[str, tuple[Row, ...]], row: Row) -> list[Mapping[str, str]]:
+def _profiles(rows: Mapping[str, tuple[_types.Row, ...]], row: _types.Row) -> list[Mapping[str, str]]:
     return [{f"{part}.{name}": value for name, value in _find_profile(rows, part, row).items()} for part in _PARTS]
 
 
-def _find_profile(rows: Mapping[str, tuple[Row, ...]], part: str, row: Row) -> Row:
+def _find_profile(rows: Mapping[str, tuple[_types.Row, ...]], part: str, row: _types.Row) -> _types.Row:
     name = row.get(part, "")
     return next((each for each in rows.get(f"{WIFI}/{part}", ()) if name and each.get("name") == name), {})
 
@@ -108,7 +108,7 @@ def registrations(menu: str) -> Command:
     return Command(f"{menu}/registration-table/print", ((".proplist", "interface,mac-address,signal-strength,signal"),))
 
 
-def level_dbm(row: Row) -> float | None:
+def level_dbm(row: _types.Row) -> float | None:
     """Read the level of a registration: `-48dBm@6Mbps` of the older driver, `-48` of the newer; None: it says none."""
     # Neither form is recorded. Assumption: radio-levels
     text = row.get("signal-strength") or row.get("signal", "")

@@ -14,42 +14,17 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import DeviceError, NetcfgError
 from atlantis_netcfg.core.events import Stage
+from atlantis_netcfg.routeros import safe_mode, scheduler_jobs
+from atlantis_netcfg.routeros.apply import _state
 from atlantis_netcfg.routeros.apply._inverse import CannotInvert, inverse
 from atlantis_netcfg.routeros.apply._protection import InterferenceError
 from atlantis_netcfg.routeros.apply._scripts import output, scripts
-from atlantis_netcfg.routeros.apply._state import SAVING, digest, fetch, parse_export
 from atlantis_netcfg.routeros.commands import script_command
-from atlantis_netcfg.routeros.pair._end import End, Pair, Signal, StateMismatch
+from atlantis_netcfg.routeros.pair import _end
 from atlantis_netcfg.routeros.pair._radio import level_dbm, registrations
-from atlantis_netcfg.routeros.safe_mode import (
-    DEAD_SESSION_S,
-    READ,
-    ApiSafeMode,
-    Holder,
-    ProtectionLost,
-    SafeModeUnavailable,
-)
-from atlantis_netcfg.routeros.scheduler_jobs import (
-    PAIR,
-    READ_JOBS,
-    JobConflict,
-    arm_pair,
-    disarm,
-    forbidden,
-    jobs_of,
-    pair_script,
-)
-from atlantis_netcfg.runs import (
-    ActionAcknowledgement,
-    LayerSent,
-    ProtectionRecord,
-    ReleaseRecord,
-    Releasing,
-    SignRecord,
-    VerificationRecord,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -58,7 +33,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros.api import Reply
     from atlantis_netcfg.routeros.apply import Channel, DeviceResult
 
-SAFE_MODE = ApiSafeMode(silence_s=20.0)
+SAFE_MODE = safe_mode.ApiSafeMode(silence_s=20.0)
 """For answers at the end: the link was there a moment ago, and the far end's job will soon look."""
 
 
@@ -74,9 +49,9 @@ class Refusal(DeviceError):
 class Transaction:
     """The way forward; `_back` is the way back."""
 
-    pair: Pair
-    near: End
-    far: End
+    pair: _end.Pair
+    near: _end.End
+    far: _end.End
     is_linked: bool = False
     """The far end was reached after its change."""
     deadline: float = 0.0
@@ -89,7 +64,7 @@ class Transaction:
     _anew: dict[str, Channel] = field(default_factory=dict)
 
     @property
-    def ends(self) -> tuple[End, End]:
+    def ends(self) -> tuple[_end.End, _end.End]:
         """Far end first."""
         return self.far, self.near
 
@@ -106,15 +81,15 @@ class Transaction:
 
     # --- before ----------------------------------------------------------------------------------------------------
 
-    async def _save(self, end: End) -> None:
-        saved_export = parse_export(*await end.channel.flight(SAVING))
-        text = saved_export.text if saved_export.text is not None else await fetch(end.channel)
+    async def _save(self, end: _end.End) -> None:
+        saved_export = _state.parse_export(*await end.channel.flight(_state.SAVING))
+        text = saved_export.text if saved_export.text is not None else await _state.fetch(end.channel)
         end.job.journal.save(end.name, text)
 
     async def _protect(self) -> None:
         now = asyncio.get_running_loop().time()
         self.deadline = now + self.pair.link_timeout_s - self.pair.reserve_s
-        self.fires = now + DEAD_SESSION_S
+        self.fires = now + safe_mode.DEAD_SESSION_S
         if self.far.actions:
             await self._arm()
         for end in self.ends:
@@ -128,36 +103,38 @@ class Transaction:
         await self._save(self.near)
         await self._take(self.near)
 
-    async def _take(self, end: End) -> None:
+    async def _take(self, end: _end.End) -> None:
         try:
-            end.owner = (await ApiSafeMode().take(end.channel)).who
-        except SafeModeUnavailable as unavailable:
-            raise SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
+            end.owner = (await safe_mode.ApiSafeMode().take(end.channel)).who
+        except safe_mode.SafeModeUnavailable as unavailable:
+            raise safe_mode.SafeModeUnavailable(f"{end.name}: {unavailable}", hint=unavailable.hint) from None
         end.protection = "safe-mode and a job of the scheduler" if end.job_id else "safe-mode"
         self._record_protection(end)
 
     async def _see_job(self) -> None:
         """See that the far end's job is still there: another run that took this one for dead would have removed it."""
         far = self.far
-        if far.job_id and not any(row.get(".id") == far.job_id for row in (await far.channel.command(READ_JOBS)).rows):
+        if far.job_id and not any(
+            row.get(".id") == far.job_id for row in (await far.channel.command(scheduler_jobs.READ_JOBS)).rows
+        ):
             far.job_id = ""
             raise InterferenceError(f"{far.name}: the job of its scheduler has run, or another run has taken it away")
 
     async def _arm(self) -> None:
         """Let the far end's scheduler bring its radio back; where it cannot, say what that means."""
         far, near = self.far, self.near.radio(after=False)
-        radio, why = far.radio(after=False), forbidden(far.observation.facts) or ""
+        radio, why = far.radio(after=False), scheduler_jobs.forbidden(far.observation.facts) or ""
         try:
             rollback = inverse(far.observation, far.aim, with_secrets=True)
         except CannotInvert as reason:
             why = why or f"there is no script for the way back ({reason})"
         if not why and radio is not None and near is not None:
             try:
-                text = pair_script(radio.menu, near.mac, rollback)
-                far.record(SignRecord(device=far.name, sign=far.signer.text))
+                text = scheduler_jobs.pair_script(radio.menu, near.mac, rollback)
+                far.record(runs.SignRecord(device=far.name, sign=far.signer.text))
                 far.arms = True
-                far.job_id = await arm_pair(far.channel, text, far.signer.text, self.pair.link_timeout_s)
-            except JobConflict:
+                far.job_id = await scheduler_jobs.arm_pair(far.channel, text, far.signer.text, self.pair.link_timeout_s)
+            except scheduler_jobs.JobConflict:
                 raise
             except DeviceError as failed:
                 why = str(failed)
@@ -169,9 +146,9 @@ class Transaction:
             f" bring it back sooner, {why or 'it has no radio'}"
         )
 
-    def _record_protection(self, end: End) -> None:
+    def _record_protection(self, end: _end.End) -> None:
         job = f", and a job of its scheduler after {self.pair.link_timeout_s:.0f} s" if end.job_id else ""
-        end.record(ProtectionRecord(device=end.name, how=end.protection))
+        end.record(runs.ProtectionRecord(device=end.name, how=end.protection))
         end.say(Stage.PROTECTED, f"the end returns by itself: safe mode{job}")
 
     # --- changing --------------------------------------------------------------------------------------------------
@@ -185,8 +162,8 @@ class Transaction:
         if not far.storm:
             return
         self._announce(far, far.storm)
-        patience_s = self.pair.link_timeout_s + DEAD_SESSION_S
-        commands = [script_command(_script(far.storm)), READ]
+        patience_s = self.pair.link_timeout_s + safe_mode.DEAD_SESSION_S
+        commands = [script_command(_script(far.storm)), safe_mode.READ]
         self._answer = asyncio.create_task(far.channel.flight(commands, silence_s=patience_s))
         finished_tasks, _ = await asyncio.wait({self._answer}, timeout=self.pair.grace_s)
         if finished_tasks:
@@ -198,28 +175,28 @@ class Transaction:
         """Write the near end, whose answers come over the cable."""
         await self._write(self.near, self.near.actions)
 
-    async def _write(self, end: End, actions: Sequence[Action]) -> None:
+    async def _write(self, end: _end.End, actions: Sequence[Action]) -> None:
         for text, inside in scripts(actions):
             self._announce(end, inside)
-            reply, holder = await end.channel.flight([script_command(text), READ])
+            reply, holder = await end.channel.flight([script_command(text), safe_mode.READ])
             self._record_acknowledgement(end, inside, reply, holder)
 
-    def _announce(self, end: End, actions: Sequence[Action]) -> None:
+    def _announce(self, end: _end.End, actions: Sequence[Action]) -> None:
         layers = " ".join(dict.fromkeys(action.layer.name.lower() for action in actions))
-        end.record(LayerSent(device=end.name, layer=layers, actions=tuple(action.number for action in actions)))
+        end.record(runs.LayerSent(device=end.name, layer=layers, actions=tuple(action.number for action in actions)))
         end.has_sent_changes = True
 
     def _read_far_replies(self, replies: Sequence[Reply]) -> None:
         self._record_acknowledgement(self.far, self.far.storm, *replies)
 
-    def _record_acknowledgement(self, end: End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
+    def _record_acknowledgement(self, end: _end.End, actions: Sequence[Action], reply: Reply, holder: Reply) -> None:
         result = output(reply.ret or "")
-        end.note(ActionAcknowledgement(device=end.name, actions=result.acknowledged_numbers))
+        end.note(runs.ActionAcknowledgement(device=end.name, actions=result.acknowledged_numbers))
         if reply.trap is not None or list(result.acknowledged_numbers) != [action.number for action in actions]:
             words = reply.trap.message if reply.trap is not None else result.words
             raise Refusal(f"{end.name} refused an action: {words or 'it stopped without a word'}")
-        if not Holder.of(holder).ours:
-            raise ProtectionLost(f"{end.name}: safe mode is not held any more in the middle of the change")
+        if not safe_mode.Holder.of(holder).ours:
+            raise safe_mode.ProtectionLost(f"{end.name}: safe mode is not held any more in the middle of the change")
         end.say(Stage.APPLYING, f"{len(result.acknowledged_numbers)} actions sent")
 
     # --- proving ---------------------------------------------------------------------------------------------------
@@ -238,7 +215,7 @@ class Transaction:
             timeout_s = self.pair.link_timeout_s - self.pair.reserve_s
             raise LinkGone(f"the link was not back and proved within {timeout_s:.0f} s") from None
 
-    async def _prove_end(self, end: End) -> None:
+    async def _prove_end(self, end: _end.End) -> None:
         end.say(Stage.VERIFYING, "reading back in a new session")
         left_s = max(0.0, self.deadline - asyncio.get_running_loop().time())
         while True:
@@ -252,14 +229,14 @@ class Transaction:
             break
         end.compare(now)
         self._anew[end.name] = session
-        end.record(VerificationRecord(device=end.name, state=digest(now)))
+        end.record(runs.VerificationRecord(device=end.name, state=_state.digest(now)))
 
     async def _prove_radio(self) -> None:
         """See that each end has the other one in its registration table, within the declared levels."""
         for end, other in ((self.far, self.near), (self.near, self.far)):
             radio, peer = end.radio(after=True), other.radio(after=True)
             if radio is None or peer is None:
-                raise StateMismatch(f"{end.name} has no radio any more")
+                raise _end.StateMismatch(f"{end.name} has no radio any more")
             rows = (await self._anew[end.name].command(registrations(radio.menu))).check().rows
             row = next((row for row in rows if row.get("mac-address", "").upper() == peer.mac.upper()), None)
             if row is None:
@@ -278,26 +255,26 @@ class Transaction:
                 await self.release(end, end.channel)
         await self.defuse(self._anew[self.far.name])
 
-    async def release(self, end: End, session: Channel) -> None:
+    async def release(self, end: _end.End, session: Channel) -> None:
         """Make one end permanent. Raises ProtectionLost, SessionLost: then it is not known whether it is."""
-        end.record(Releasing(device=end.name))
+        end.record(runs.Releasing(device=end.name))
         end.is_released = True
         try:
             await SAFE_MODE.release_of(session, end.owner)
-        except ProtectionLost as lost:
-            raise ProtectionLost(f"{end.name}: {lost}") from lost
+        except safe_mode.ProtectionLost as lost:
+            raise safe_mode.ProtectionLost(f"{end.name}: {lost}") from lost
         end.is_kept = True
         end.owner = ""
-        end.record(ReleaseRecord(device=end.name))
+        end.record(runs.ReleaseRecord(device=end.name))
 
     async def defuse(self, session: Channel) -> None:
         """Take the far end's job away, if this run may have armed one: the answer to that may have been lost."""
         far = self.far
         if not far.arms:
             return
-        for job in jobs_of((await session.command(READ_JOBS)).check().rows):
-            if job.name == PAIR and job.owner == far.signer.text:
-                await disarm(session, job.id)
+        for job in scheduler_jobs.jobs_of((await session.command(scheduler_jobs.READ_JOBS)).check().rows):
+            if job.name == scheduler_jobs.PAIR and job.owner == far.signer.text:
+                await scheduler_jobs.disarm(session, job.id)
         far.job_id, far.arms = "", False
 
     async def forget_answer(self) -> None:
@@ -324,7 +301,7 @@ def _script(actions: Sequence[Action]) -> str:
     return parts[0][0]
 
 
-def _judge_level(end: End, level: float | None, bounds: Signal | None) -> None:
+def _judge_level(end: _end.End, level: float | None, bounds: _end.Signal | None) -> None:
     if level is None or bounds is None:
         return
     if not bounds.weakest_dbm <= level <= bounds.strongest_dbm:

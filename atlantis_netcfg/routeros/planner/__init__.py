@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.versions import NEWEST_KNOWN, Version
-from atlantis_netcfg.routeros._types import Action, Facts, Layer, Observation, Plan, Row, Verb
+from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.diff import render, set_lines
 from atlantis_netcfg.routeros.menus import MENUS, Shape, rank
 from atlantis_netcfg.routeros.pin import sim_of
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 __all__ = ["CannotPlan", "after", "as_renamed", "newer_than_known", "plan", "rename_rows", "simulate"]
 
 
-def plan(device: str, desired_state: DesiredState, observation: Observation) -> Plan:
+def plan(device: str, desired_state: DesiredState, observation: _types.Observation) -> _types.Plan:
     """Return the actions that make the device as declared, with their diff and what was found besides.
 
     Raises CannotPlan, with all reasons and the lines of the text, for a device that lacks what the text needs, and
@@ -62,7 +62,7 @@ def plan(device: str, desired_state: DesiredState, observation: Observation) -> 
         raise CannotPlan(message, hint=_other_version([since for _, since in lacking], facts))
     changed_menus = {part.menu.path for part in parts if part.changes}
     remarks = [remark for path, remark in desired_state.remarks if path in changed_menus]
-    result = Plan(
+    result = _types.Plan(
         device=device,
         actions=tuple(_number_actions([*rename_changes(port_renames, observation), *_in_order(parts)])),
         diff=render((part.menu, part.lines) for part in parts),
@@ -89,7 +89,9 @@ def newer_than_known(version: Version) -> Iterator[str]:
         )
 
 
-def as_renamed(desired_state: DesiredState, rows: Mapping[str, tuple[Row, ...]]) -> dict[str, tuple[Row, ...]]:
+def as_renamed(
+    desired_state: DesiredState, rows: Mapping[str, tuple[_types.Row, ...]]
+) -> dict[str, tuple[_types.Row, ...]]:
     """Return the rows of the declared menus as they will read once the ports have their declared names."""
     names = {each.old: each.name for each in renames(desired_state, rows)}
     return {path: rename_rows(path, rows[path], names) for path in desired_state.menus}
@@ -113,7 +115,7 @@ def _version_problem(item: RowItem, name: str, when: str, version: Version) -> s
     return f"line {item.line}: {MENUS[item.menu].title} has `{name}` {when}, and this device has {version}"
 
 
-def _other_version(lacking: Sequence[Version | None], facts: Facts) -> str | None:
+def _other_version(lacking: Sequence[Version | None], facts: _types.Facts) -> str | None:
     """What to do about a version that lacks something; None: it lacks nothing."""
     if not lacking:
         return None
@@ -123,7 +125,7 @@ def _other_version(lacking: Sequence[Version | None], facts: Facts) -> str | Non
     return f"{facts.upgrade(max(newer))}; or take the named lines out of the text"
 
 
-def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[Row, ...], context: Context) -> MenuPlan:
+def _plan_menu(path: str, desired_state: DesiredState, rows: tuple[_types.Row, ...], context: Context) -> MenuPlan:
     menu = MENUS[path]
     items = desired_state.items[path]
     if menu.is_ordered:
@@ -154,9 +156,9 @@ def _in_order(parts: list[MenuPlan]) -> list[MenuChange]:
     return sorted((change for part in parts for change in part.changes), key=_turn)
 
 
-def _number_actions(changes: Iterable[MenuChange]) -> Iterator[Action]:
+def _number_actions(changes: Iterable[MenuChange]) -> Iterator[_types.Action]:
     for number, change in enumerate(changes, start=1):
-        yield Action(
+        yield _types.Action(
             number=number,
             layer=change.layer,
             menu=change.menu.path,
@@ -174,6 +176,6 @@ def _number_actions(changes: Iterable[MenuChange]) -> Iterator[Action]:
 def _turn(change: MenuChange) -> tuple[int, int, int, int]:
     """Layer, then menu by the table's order; what is taken away goes last, against the order in which it came."""
     place = rank(change.menu.path)
-    if change.verb is Verb.REMOVE and change.layer is Layer.CLEANUP:
-        return (Layer.CLEANUP, 1, -change.menu.layer, -place)
+    if change.verb is _types.Verb.REMOVE and change.layer is _types.Layer.CLEANUP:
+        return (_types.Layer.CLEANUP, 1, -change.menu.layer, -place)
     return (change.layer, 0, 0, place)

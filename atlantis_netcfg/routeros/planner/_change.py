@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import DeviceError
-from atlantis_netcfg.routeros._types import Drift, HiddenSecret, Layer, Row, Verb
+from atlantis_netcfg.routeros import _types
 from atlantis_netcfg.routeros.pin import PinSim, objection
 
 if TYPE_CHECKING:
@@ -28,8 +28,8 @@ class MenuChange:
     """One action-to-be."""
 
     menu: Menu
-    verb: Verb
-    layer: Layer
+    verb: _types.Verb
+    layer: _types.Layer
     subject: str
     ids: tuple[str, ...] = ()
     values: tuple[tuple[str, str], ...] = ()
@@ -45,14 +45,14 @@ class MenuPlan:
     menu: Menu
     changes: list[MenuChange] = field(default_factory=list)
     lines: list[DiffLine] = field(default_factory=list)
-    drift: list[Drift] = field(default_factory=list)
-    hidden_secrets: list[HiddenSecret] = field(default_factory=list)
+    drift: list[_types.Drift] = field(default_factory=list)
+    hidden_secrets: list[_types.HiddenSecret] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     foreign: int = 0
     """Rows without our mark that are removed."""
 
-    def remove(self, rows: list[Row], layer: Layer = Layer.CLEANUP) -> None:
+    def remove(self, rows: list[_types.Row], layer: _types.Layer = _types.Layer.CLEANUP) -> None:
         """Remove rows, in that order."""
         self.changes.append(build_removal(self.menu, rows, layer))
         self.foreign += sum(not self.menu.is_ours(row) for row in rows)
@@ -82,7 +82,7 @@ class Context:
 class Names:
     """Which rows are named by others already: adding such a row is no harmless thing."""
 
-    def __init__(self, rows: Mapping[str, tuple[Row, ...]]) -> None:
+    def __init__(self, rows: Mapping[str, tuple[_types.Row, ...]]) -> None:
         self._rows = rows
         self._by: dict[tuple[str, ...], frozenset[str]] = {}
 
@@ -103,23 +103,23 @@ def build_addition(menu: Menu, item: RowItem, names: Names, before: str | None =
     row, values = item.defined_values, tuple(item.defined_values.items())
     late = bool(menu.late) and all(menu.form(name, row) == menu.by_name[name].form(value) for name, value in menu.late)
     inert = menu.inert and not late and not names.name(menu, row.get(menu.keys[0], ""))
-    layer = Layer.CLEANUP if late else menu.layer
+    layer = _types.Layer.CLEANUP if late else menu.layer
     return MenuChange(
-        menu, Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert, line=item.line
+        menu, _types.Verb.ADD, layer, menu.name_of(row), values=values, before=before, inert=inert, line=item.line
     )
 
 
-def build_removal(menu: Menu, rows: list[Row], layer: Layer) -> MenuChange:
+def build_removal(menu: Menu, rows: list[_types.Row], layer: _types.Layer) -> MenuChange:
     """Return the change that removes rows, in that order."""
     names = [menu.name_of(row) for row in rows]
     subject = ", ".join(names[:_SHOWN_NAMES])
     if len(names) > _SHOWN_NAMES:
         subject += f" and {len(names) - _SHOWN_NAMES} more"
-    return MenuChange(menu, Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
+    return MenuChange(menu, _types.Verb.REMOVE, layer, subject, ids=tuple(row[".id"] for row in rows))
 
 
 def writes(
-    context: Context, report: MenuPlan, item: RowItem, row: Row, *, is_managed: bool
+    context: Context, report: MenuPlan, item: RowItem, row: _types.Row, *, is_managed: bool
 ) -> tuple[tuple[str, str], ...]:
     """Return what must be set so that `row` is as declared.
 
@@ -139,7 +139,7 @@ def writes(
     return tuple((name, value) if value is not None else (f"!{name}", "") for name, value in desired_values.items())
 
 
-def _is_run_time(context: Context, menu: Menu, name: str, desired_value: str | None, row: Row) -> bool:
+def _is_run_time(context: Context, menu: Menu, name: str, desired_value: str | None, row: _types.Row) -> bool:
     """Tell whether the device itself has put another value there."""
     return any(either.covers(menu, name, desired_value, row) for either in context.desired_state.run_time)
 
@@ -148,12 +148,14 @@ def _stays(context: Context, each: Field) -> bool:
     return each.keep and (each.default is None or not context.desired_state.restores)
 
 
-def _plan_property(context: Context, report: MenuPlan, item: RowItem, row: Row, name: str) -> dict[str, str | None]:
+def _plan_property(
+    context: Context, report: MenuPlan, item: RowItem, row: _types.Row, name: str
+) -> dict[str, str | None]:
     menu, each = report.menu, report.menu.by_name[name]
     if each.unread:
         return {}
     if each.secret and context.is_hidden(row.get(name)):
-        report.hidden_secrets.append(HiddenSecret(menu.path, menu.name_of(row), name))
+        report.hidden_secrets.append(_types.HiddenSecret(menu.path, menu.name_of(row), name))
         report.notes.append(f"{menu.title}: `{name}` of {menu.name_of(row)} cannot be read and is left as it is")
         return {}
     value = item.values[name]
@@ -170,7 +172,7 @@ def _plan_property(context: Context, report: MenuPlan, item: RowItem, row: Row, 
 
 
 def _plan_prompted_value(
-    context: Context, report: MenuPlan, item: RowItem, row: Row, name: str
+    context: Context, report: MenuPlan, item: RowItem, row: _types.Row, name: str
 ) -> dict[str, str | None]:
     """What the device keeps and enters by itself is only sent while it asks for it (routeros/pin.py)."""
     value = item.values[name] or ""
@@ -185,5 +187,5 @@ def _plan_prompted_value(
     return {name: value}
 
 
-def _differing(menu: Menu, row: Row, name: str, desired_value: str | None) -> dict[str, str | None]:
+def _differing(menu: Menu, row: _types.Row, name: str, desired_value: str | None) -> dict[str, str | None]:
     return {} if menu.by_name[name].form(desired_value) == menu.form(name, row) else {name: desired_value}

@@ -22,9 +22,8 @@ from heapq import heappop, heappush
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb
-from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row
-from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, build_addition, writes
+from atlantis_netcfg.routeros import _types, diff
+from atlantis_netcfg.routeros.planner import _change
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
@@ -158,15 +157,15 @@ class _Lists:
     """Both lists, and where the work stands."""
 
     menu: Menu
-    context: Context
-    report: MenuPlan
-    old: list[Row]
+    context: _change.Context
+    report: _change.MenuPlan
+    old: list[_types.Row]
     new: list[RowItem]
     retained_places: dict[int, int] = field(default_factory=dict)
     """New place to old place."""
     moved_places: set[int] = field(default_factory=set)
     """Old places of rows that stand higher up now."""
-    insertions: dict[int, list[DiffLine]] = field(default_factory=dict)
+    insertions: dict[int, list[diff.DiffLine]] = field(default_factory=dict)
     """What was inserted right before an old place, in order."""
     spare: dict[_Content, list[int]] = field(default_factory=dict)
     """Old places of rows that are not kept, ascending."""
@@ -196,9 +195,11 @@ class _Lists:
         return self.old[place][".id"] if place < len(self.old) else None
 
 
-def plan_first_match(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], context: Context) -> MenuPlan:
+def plan_first_match(
+    menu: Menu, items: Iterable[RowItem], rows: Iterable[_types.Row], context: _change.Context
+) -> _change.MenuPlan:
     """Plan one first-match menu. Dynamic rows stand where the device puts them and do not count."""
-    lists = _Lists(menu, context, MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
+    lists = _Lists(menu, context, _change.MenuPlan(menu), [row for row in rows if menu.is_touchable(row)], list(items))
     old = [lists.content(row) for row in lists.old]
     new = [lists.content(item.defined_values) for item in lists.new]
     _keep(lists, old, new)
@@ -302,8 +303,10 @@ def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> in
     item = lists.new[place]
     anchor = lists.standing(slot if lifted_place is None else min(slot, lifted_place))
     if lifted_place is None:
-        lists.report.changes.append(build_addition(lists.menu, item, lists.context.names, lists.id_at(anchor)))
-        lists.insertions.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.defined_values)))
+        lists.report.changes.append(_change.build_addition(lists.menu, item, lists.context.names, lists.id_at(anchor)))
+        lists.insertions.setdefault(anchor, []).append(
+            diff.DiffLine("+", diff.added_row(lists.menu, item.defined_values))
+        )
         return anchor
     row = lists.old[lifted_place]
     if anchor == lifted_place:
@@ -312,9 +315,9 @@ def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> in
         return lifted_place + 1
     lists.moved_places.add(lifted_place)
     lists.report.changes.append(
-        MenuChange(
+        _change.MenuChange(
             lists.menu,
-            Verb.MOVE,
+            _types.Verb.MOVE,
             lists.menu.layer,
             lists.menu.name_of(row),
             ids=(row[".id"],),
@@ -322,19 +325,21 @@ def _place(lists: _Lists, place: int, slot: int, lifted_place: int | None) -> in
             line=item.line,
         )
     )
-    lists.insertions.setdefault(anchor, []).append(DiffLine("+", added_row(lists.menu, item.defined_values)))
+    lists.insertions.setdefault(anchor, []).append(diff.DiffLine("+", diff.added_row(lists.menu, item.defined_values)))
     _cosmetics(lists, item, row)
     return anchor
 
 
-def _cosmetics(lists: _Lists, item: RowItem, row: Row) -> None:
+def _cosmetics(lists: _Lists, item: RowItem, row: _types.Row) -> None:
     """Change in place what neither matches nor decides."""
-    values = writes(lists.context, lists.report, item, row, is_managed=True)
+    values = _change.writes(lists.context, lists.report, item, row, is_managed=True)
     menu = lists.menu
     if values:
         name = menu.name_of({**row, **item.defined_values})
         lists.report.changes.append(
-            MenuChange(menu, Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line)
+            _change.MenuChange(
+                menu, _types.Verb.SET, menu.layer, name, ids=(row[".id"],), values=values, line=item.line
+            )
         )
     if item.is_marked and not menu.is_ours(row) and not lists.context.is_entire(menu):
         lists.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
@@ -353,7 +358,7 @@ def _remove(lists: _Lists) -> None:
         lists.report.remove([lists.old[place] for place in order])
 
 
-def _is_ours(lists: _Lists, row: Row) -> bool:
+def _is_ours(lists: _Lists, row: _types.Row) -> bool:
     return lists.context.is_entire(lists.menu) or lists.menu.is_ours(row)
 
 
@@ -370,21 +375,21 @@ def _show(lists: _Lists) -> None:
     for place, row in enumerate(lists.old):
         if place not in items_by_place and place not in lists.moved_places and not _is_ours(lists, row):
             message = "not declared, and not ours: left as it is"
-            report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))
+            report.drift.append(_types.Drift(menu.path, menu.name_of(row), _types.RowOwner.OTHER, message, row[".id"]))
 
 
-def _diff_row(lists: _Lists, row: Row, item: RowItem | None, *, has_moved: bool) -> list[DiffLine]:
-    text = existing_row(lists.menu, row)
+def _diff_row(lists: _Lists, row: _types.Row, item: RowItem | None, *, has_moved: bool) -> list[diff.DiffLine]:
+    text = diff.existing_row(lists.menu, row)
     if item is not None:
         has_changed = any(
             lists.menu.form(name, item.defined_values) != lists.menu.form(name, row) for name in _cosmetic(lists.menu)
         )
         return (
-            [DiffLine("-", text), DiffLine("+", added_row(lists.menu, item.defined_values))]
+            [diff.DiffLine("-", text), diff.DiffLine("+", diff.added_row(lists.menu, item.defined_values))]
             if has_changed
-            else [DiffLine(" ", text)]
+            else [diff.DiffLine(" ", text)]
         )
-    return [DiffLine("-" if has_moved or _is_ours(lists, row) else " ", text)]
+    return [diff.DiffLine("-" if has_moved or _is_ours(lists, row) else " ", text)]
 
 
 def _cosmetic(menu: Menu) -> list[str]:

@@ -6,11 +6,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.routeros import _types, diff
 from atlantis_netcfg.routeros._items import RowItem
-from atlantis_netcfg.routeros._types import Drift, Row, RowOwner, Verb, is_bare
-from atlantis_netcfg.routeros.diff import DiffLine, added_row, existing_row, set_lines
 from atlantis_netcfg.routeros.menus import Menu, Shape
-from atlantis_netcfg.routeros.planner._change import Context, MenuChange, MenuPlan, build_addition, writes
+from atlantis_netcfg.routeros.planner import _change
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -23,7 +22,7 @@ class _Match:
     """One declared row, the row on the device that shall become it, and whether that needs a new row after all."""
 
     item: RowItem
-    row: Row | None = None
+    row: _types.Row | None = None
     writes: tuple[tuple[str, str], ...] = ()
     is_replaced: bool = False
     after_those: list[_Match] = field(default_factory=list)
@@ -42,32 +41,36 @@ class _MatchedRows:
     """The rows of one menu and who shall become what."""
 
     menu: Menu
-    context: Context
-    report: MenuPlan
+    context: _change.Context
+    report: _change.MenuPlan
     matches: list[_Match] = field(default_factory=list)
-    unmatched_rows: list[Row] = field(default_factory=list)
+    unmatched_rows: list[_types.Row] = field(default_factory=list)
     """Rows that nobody declared."""
-    early: list[Row] = field(default_factory=list)
+    early: list[_types.Row] = field(default_factory=list)
     """Rows that hold a value which another row needs: removed first."""
 
 
-def plan_identified(menu: Menu, items: Iterable[RowItem], rows: Iterable[Row], context: Context) -> MenuPlan:
+def plan_identified(
+    menu: Menu, items: Iterable[RowItem], rows: Iterable[_types.Row], context: _change.Context
+) -> _change.MenuPlan:
     """Plan one menu of settings, of fixed rows, or of rows with keys."""
-    work = _MatchedRows(menu, context, MenuPlan(menu))
+    work = _MatchedRows(menu, context, _change.MenuPlan(menu))
     _match(work, items, [row for row in rows if menu.is_touchable(row)])
     for match in work.matches:
         if match.row is not None:
-            match.writes = writes(context, work.report, match.item, match.row, is_managed=_is_managed(work, match))
+            match.writes = _change.writes(
+                context, work.report, match.item, match.row, is_managed=_is_managed(work, match)
+            )
     _make_room(work)
     _report_changes(work)
     _report_left(work)
     return work.report
 
 
-def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[Row]) -> None:
+def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[_types.Row]) -> None:
     """Pair by keys, then by properties that the device allows only once, then complain."""
     menu = work.menu
-    waiting: dict[_Value, deque[Row]] = {}
+    waiting: dict[_Value, deque[_types.Row]] = {}
     for row in sorted(rows, key=lambda each: not menu.is_ours(each)):
         waiting.setdefault(menu.identity(row), deque()).append(row)
     for item in items:
@@ -87,7 +90,7 @@ def _match(work: _MatchedRows, items: Iterable[RowItem], rows: list[Row]) -> Non
     work.unmatched_rows = _not_matched(work, work.unmatched_rows)
 
 
-def _not_matched(work: _MatchedRows, rows: list[Row]) -> list[Row]:
+def _not_matched(work: _MatchedRows, rows: list[_types.Row]) -> list[_types.Row]:
     matched_ids = {id(match.row) for match in work.matches}
     return [row for row in rows if id(row) not in matched_ids]
 
@@ -107,11 +110,11 @@ def _match_settings(work: _MatchedRows) -> None:
             match.row = match.row if match.row is not None else {}
 
 
-def _keys(menu: Menu, row: Row) -> dict[str, str | None]:
+def _keys(menu: Menu, row: _types.Row) -> dict[str, str | None]:
     return {key: row[key] for key in menu.keys if key in row}
 
 
-def _find_implied_rows(work: _MatchedRows) -> list[Row]:
+def _find_implied_rows(work: _MatchedRows) -> list[_types.Row]:
     """Return rows that a saved state does not mention because they were at their defaults, and ports without a use."""
     if work.menu.path in work.context.desired_state.undeclared_values:
         return list(work.unmatched_rows)
@@ -122,7 +125,7 @@ def _find_implied_rows(work: _MatchedRows) -> list[Row]:
     return list(work.unmatched_rows)
 
 
-def _missing(menu: Menu, item: RowItem, rows: list[Row]) -> str:
+def _missing(menu: Menu, item: RowItem, rows: list[_types.Row]) -> str:
     there = ", ".join(menu.name_of(row) for row in rows)
     return (
         f"line {item.line}: there is no {menu.name_of(item.defined_values)} in {menu.title}; "
@@ -157,17 +160,17 @@ def _make_room(work: _MatchedRows) -> None:
     work.matches = _in_turn(work)
 
 
-def _present(work: _MatchedRows) -> Iterator[Row]:
+def _present(work: _MatchedRows) -> Iterator[_types.Row]:
     yield from (match.row for match in work.matches if match.row is not None)
     yield from (row for row in work.unmatched_rows if row not in work.early)
 
 
-def _value(menu: Menu, names: tuple[str, ...], values: Row) -> _Value | None:
+def _value(menu: Menu, names: tuple[str, ...], values: _types.Row) -> _Value | None:
     """Return the value that must be there only once, or None where a row has none."""
     return tuple(menu.form(name, values) for name in names) if any(values.get(name) for name in names) else None
 
 
-def _make_way(work: _MatchedRows, match: _Match, holder: Row, owner: _Match | None, *, leaves: bool) -> None:
+def _make_way(work: _MatchedRows, match: _Match, holder: _types.Row, owner: _Match | None, *, leaves: bool) -> None:
     """Find out how the holder of a value lets go; `owner` is what it shall become, if it is declared at all."""
     if owner is not None and leaves:
         match.after_those.append(owner)
@@ -201,7 +204,7 @@ def _in_turn(work: _MatchedRows) -> list[_Match]:
     return list(ordered_matches)
 
 
-def _is_removable(work: _MatchedRows, row: Row) -> bool:
+def _is_removable(work: _MatchedRows, row: _types.Row) -> bool:
     if work.menu.shape is not Shape.LIST or work.menu.is_stock(row):
         return False
     return work.context.is_entire(work.menu) or work.menu.is_ours(row)
@@ -211,7 +214,7 @@ def _report_changes(work: _MatchedRows) -> None:
     menu, report = work.menu, work.report
     if work.early:
         report.remove(work.early, menu.layer)
-        report.lines += [DiffLine("-", existing_row(menu, row)) for row in work.early]
+        report.lines += [diff.DiffLine("-", diff.existing_row(menu, row)) for row in work.early]
     for match in work.matches:
         if match.row is None or match.is_replaced:
             _add(work, match.item)
@@ -223,23 +226,29 @@ def _add(work: _MatchedRows, item: RowItem) -> None:
     if item.exists or work.menu.shape is not Shape.LIST:
         return  # reported as a problem
     name = work.menu.name_of(item.defined_values)
-    work.report.changes.append(build_addition(work.menu, item, work.context.names))
-    work.report.lines.append(DiffLine("+", added_row(work.menu, item.defined_values)))
+    work.report.changes.append(_change.build_addition(work.menu, item, work.context.names))
+    work.report.lines.append(diff.DiffLine("+", diff.added_row(work.menu, item.defined_values)))
     for secret in sorted(item.unknown):
         work.report.notes.append(
             f"{work.menu.title}: `{secret}` of {name} is not in the saved export: enter it by hand"
         )
 
 
-def _set(work: _MatchedRows, match: _Match, row: Row) -> None:
+def _set(work: _MatchedRows, match: _Match, row: _types.Row) -> None:
     menu = work.menu
     ids = () if menu.shape is Shape.SINGLETON else (row[".id"],)
     work.report.changes.append(
-        MenuChange(
-            menu, Verb.SET, menu.layer, menu.name_of(match.after()), ids=ids, values=match.writes, line=match.item.line
+        _change.MenuChange(
+            menu,
+            _types.Verb.SET,
+            menu.layer,
+            menu.name_of(match.after()),
+            ids=ids,
+            values=match.writes,
+            line=match.item.line,
         )
     )
-    work.report.lines += set_lines(menu, row, match.writes)
+    work.report.lines += diff.set_lines(menu, row, match.writes)
     if match.item.is_marked and not menu.is_ours(row) and menu.shape is Shape.LIST:
         work.report.notes.append(f"{menu.title}: {menu.name_of(row)} was there without our mark, and becomes ours")
 
@@ -252,12 +261,16 @@ def _report_left(work: _MatchedRows) -> None:
     going = [row for row in work.unmatched_rows if _is_removable(work, row) and row not in work.early]
     if going:
         work.report.remove(going[::-1])
-        work.report.lines += [DiffLine("-", existing_row(menu, row)) for row in going if not is_bare(row)]
-        if bare := sum(map(is_bare, going)):
+        work.report.lines += [
+            diff.DiffLine("-", diff.existing_row(menu, row)) for row in going if not _types.is_bare(row)
+        ]
+        if bare := sum(map(_types.is_bare, going)):
             work.report.lines.append(
-                DiffLine("-", f"# {bare} rows more without our mark, of which only the number was read")
+                diff.DiffLine("-", f"# {bare} rows more without our mark, of which only the number was read")
             )
     for row in work.unmatched_rows:
         if not _is_removable(work, row) and not menu.is_stock(row):
             message = "not declared, and not ours: left as it is"
-            work.report.drift.append(Drift(menu.path, menu.name_of(row), RowOwner.OTHER, message, row[".id"]))
+            work.report.drift.append(
+                _types.Drift(menu.path, menu.name_of(row), _types.RowOwner.OTHER, message, row[".id"])
+            )

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address, ip_interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros._types import Action, Layer, Observation, Plan, Row, Verb
-from atlantis_netcfg.routeros.menus import MENUS, Menu, PropertyKind, Shape
+from atlantis_netcfg.routeros import _types, menus
 from atlantis_netcfg.routeros.planner._change import MenuChange
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.routeros._items import DesiredState
 
 
-_FOLLOWING = (PropertyKind.INTERFACE, PropertyKind.GATEWAY)
+_FOLLOWING = (menus.PropertyKind.INTERFACE, menus.PropertyKind.GATEWAY)
 _FOR_A_MOMENT = "-atlantis"
 
 
@@ -31,8 +30,8 @@ _FOR_A_MOMENT = "-atlantis"
 class Rename:
     """A port that gets another name."""
 
-    menu: Menu
-    row: Row
+    menu: menus.Menu
+    row: _types.Row
     name: str
     line: int = 0
     """Where the text declares the port; 0: it does not."""
@@ -45,18 +44,18 @@ class Rename:
         return self.row["name"]
 
 
-def is_named_port(menu: Menu) -> bool:
+def is_named_port(menu: menus.Menu) -> bool:
     """Tell whether rows of the menu are the device's own ports, radios or modems, which have a name to choose."""
-    return menu.shape is Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name
+    return menu.shape is menus.Shape.FIXED and "name" not in menu.keys and "name" in menu.by_name
 
 
-def renames(desired_state: DesiredState, rows: Mapping[str, tuple[Row, ...]]) -> list[Rename]:
+def renames(desired_state: DesiredState, rows: Mapping[str, tuple[_types.Row, ...]]) -> list[Rename]:
     """Return the ports that get another name: those declared, and those that hold the name of such a port."""
     port_renames: list[Rename] = []
-    others: list[tuple[Menu, Row]] = []
+    others: list[tuple[menus.Menu, _types.Row]] = []
     names: set[str] = set()
     for path, items in desired_state.items.items():
-        menu = MENUS[path]
+        menu = menus.MENUS[path]
         if not is_named_port(menu):
             continue
         item_by_identity = {item.identity: item for item in items}
@@ -73,7 +72,7 @@ def renames(desired_state: DesiredState, rows: Mapping[str, tuple[Row, ...]]) ->
     return [each for each in port_renames if each.row.get("name") and each.name != each.row["name"]]
 
 
-def _in_the_way(others: list[tuple[Menu, Row]], names: set[str]) -> Iterator[Rename]:
+def _in_the_way(others: list[tuple[menus.Menu, _types.Row]], names: set[str]) -> Iterator[Rename]:
     """Give ports their factory names back that hold a name which somebody else shall have."""
     while there := next((other for other in others if other[1].get("name") in names), None):
         others.remove(there)
@@ -83,15 +82,15 @@ def _in_the_way(others: list[tuple[Menu, Row]], names: set[str]) -> Iterator[Ren
             yield Rename(menu, row, default, in_the_way=True)
 
 
-def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]]) -> Iterator[str]:
+def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[_types.Row, ...]]) -> Iterator[str]:
     """Say which new names somebody else has, and keeps."""
     going = {each.old: each for each in port_renames}
-    owners: dict[str, tuple[Menu, Row]] = {}
-    for path, menu in MENUS.items():
+    owners: dict[str, tuple[menus.Menu, _types.Row]] = {}
+    for path, menu in menus.MENUS.items():
         if (
             path.startswith("/interface/")
             and "name" in menu.by_name
-            and menu.by_name["name"].kind is PropertyKind.INTERFACE
+            and menu.by_name["name"].kind is menus.PropertyKind.INTERFACE
         ):
             owners |= {row["name"]: (menu, row) for row in rows.get(path, ()) if row.get("name")}
     rename_by_name: dict[str, Rename] = {}
@@ -111,7 +110,7 @@ def conflicts(port_renames: Iterable[Rename], rows: Mapping[str, tuple[Row, ...]
                 )
 
 
-def rename_changes(port_renames: Iterable[Rename], observation: Observation) -> Iterator[MenuChange]:
+def rename_changes(port_renames: Iterable[Rename], observation: _types.Observation) -> Iterator[MenuChange]:
     """Yield the new names in an order in which each is free when its turn comes."""
     waiting = {each.old: each for each in port_renames}
     used = {row["name"] for rows in observation.rows.values() for row in rows if row.get("name")} | {
@@ -137,10 +136,12 @@ def rename_changes(port_renames: Iterable[Rename], observation: Observation) -> 
 
 def _change(each: Rename, name: str) -> MenuChange:
     subject = each.menu.name_of(each.row)
-    return MenuChange(each.menu, Verb.SET, Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),))
+    return MenuChange(
+        each.menu, _types.Verb.SET, _types.Layer.NAMES, subject, ids=(each.row[".id"],), values=(("name", name),)
+    )
 
 
-def _session_ports(observation: Observation) -> Iterator[str]:
+def _session_ports(observation: _types.Observation) -> Iterator[str]:
     """Yield the interfaces by which our session may come: those of a network with its address, and ports of bridges."""
     try:
         technician = ip_address(observation.facts.session_address)
@@ -157,9 +158,9 @@ def _session_ports(observation: Observation) -> Iterator[str]:
             yield from (port["interface"] for port in ports if port.get("bridge") == name and "interface" in port)
 
 
-def rename_rows(path: str, rows: Iterable[Row], names: Mapping[str, str]) -> tuple[Row, ...]:
+def rename_rows(path: str, rows: Iterable[_types.Row], names: Mapping[str, str]) -> tuple[_types.Row, ...]:
     """Return the rows of a menu as they will read once the interfaces have their new names."""
-    menu = MENUS[path]
+    menu = menus.MENUS[path]
     fields = [each.name for each in menu.fields if each.kind in _FOLLOWING and not _is_own(menu, each.name)]
     if not names or not fields:
         return tuple(rows)
@@ -168,7 +169,7 @@ def rename_rows(path: str, rows: Iterable[Row], names: Mapping[str, str]) -> tup
     )
 
 
-def _is_own(menu: Menu, name: str) -> bool:
+def _is_own(menu: menus.Menu, name: str) -> bool:
     """Tell whether the property is the interface's own name, and no reference to another."""
     return name in ("name", "default-name") and menu.path.startswith("/interface/")
 
@@ -184,12 +185,14 @@ def _word(word: str, names: Mapping[str, str]) -> str:
     return f"{address}{sign}{names.get(interface, interface)}"
 
 
-def simulate(rows: Mapping[str, tuple[Row, ...]], plan: Plan) -> dict[str, tuple[Row, ...]]:
+def simulate(rows: Mapping[str, tuple[_types.Row, ...]], plan: _types.Plan) -> dict[str, tuple[_types.Row, ...]]:
     """Return the rows as the whole plan leaves them; new rows have ids of the form `*new7` (the action's number)."""
     return after(rows, plan.actions)
 
 
-def after(rows: Mapping[str, tuple[Row, ...]], actions: Iterable[Action]) -> dict[str, tuple[Row, ...]]:
+def after(
+    rows: Mapping[str, tuple[_types.Row, ...]], actions: Iterable[_types.Action]
+) -> dict[str, tuple[_types.Row, ...]]:
     """Return the rows as these actions leave them."""
     state = dict(rows)
     for action in actions:
@@ -199,46 +202,48 @@ def after(rows: Mapping[str, tuple[Row, ...]], actions: Iterable[Action]) -> dic
     return state
 
 
-def _add(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
+def _add(rows: tuple[_types.Row, ...], action: _types.Action) -> tuple[_types.Row, ...]:
     row = {".id": f"*new{action.number}", "dynamic": "false", **dict(action.values)}
     return _insert_rows(rows, (row,), action.before)
 
 
-def _set(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
-    if MENUS[action.menu].shape is Shape.SINGLETON:
+def _set(rows: tuple[_types.Row, ...], action: _types.Action) -> tuple[_types.Row, ...]:
+    if menus.MENUS[action.menu].shape is menus.Shape.SINGLETON:
         return (_apply_values(rows[0] if rows else {}, action),)
     return tuple(_apply_values(row, action) if row[".id"] in action.ids else row for row in rows)
 
 
-def _apply_values(row: Row, action: Action) -> Row:
+def _apply_values(row: _types.Row, action: _types.Action) -> _types.Row:
     unset = {name[1:] for name, _ in action.values if name.startswith("!")}
     remaining_values = {name: value for name, value in row.items() if name not in unset}
     return remaining_values | {name: value for name, value in action.values if not name.startswith("!")}
 
 
-def _move(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
+def _move(rows: tuple[_types.Row, ...], action: _types.Action) -> tuple[_types.Row, ...]:
     moving = tuple(row for row in rows if row[".id"] in action.ids)
     return _insert_rows(tuple(row for row in rows if row[".id"] not in action.ids), moving, action.before)
 
 
-def _remove(rows: tuple[Row, ...], action: Action) -> tuple[Row, ...]:
+def _remove(rows: tuple[_types.Row, ...], action: _types.Action) -> tuple[_types.Row, ...]:
     removed_ids = set(action.ids)
     return tuple(row for row in rows if row[".id"] not in removed_ids)
 
 
-def _insert_rows(rows: tuple[Row, ...], new: tuple[Row, ...], before: str | None) -> tuple[Row, ...]:
+def _insert_rows(
+    rows: tuple[_types.Row, ...], new: tuple[_types.Row, ...], before: str | None
+) -> tuple[_types.Row, ...]:
     place = next((index for index, row in enumerate(rows) if row[".id"] == before), len(rows))
     return (*rows[:place], *new, *rows[place:])
 
 
-_DEEDS = {Verb.ADD: _add, Verb.SET: _set, Verb.MOVE: _move, Verb.REMOVE: _remove}
+_DEEDS = {_types.Verb.ADD: _add, _types.Verb.SET: _set, _types.Verb.MOVE: _move, _types.Verb.REMOVE: _remove}
 
 
-def _follow_names(state: dict[str, tuple[Row, ...]], old: tuple[Row, ...], action: Action) -> None:
+def _follow_names(state: dict[str, tuple[_types.Row, ...]], old: tuple[_types.Row, ...], action: _types.Action) -> None:
     """Let every reference follow an interface that was renamed."""
     name = dict(action.values).get("name")
-    if action.verb is not Verb.SET or name is None or not action.menu.startswith("/interface/"):
+    if action.verb is not _types.Verb.SET or name is None or not action.menu.startswith("/interface/"):
         return
     names = {row["name"]: name for row in old if row[".id"] in action.ids and "name" in row}
     for path, rows in state.items():
-        state[path] = rename_rows(path, rows, names) if path in MENUS else rows
+        state[path] = rename_rows(path, rows, names) if path in menus.MENUS else rows

@@ -8,22 +8,14 @@ from math import ceil
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.channels import lower_edge
+from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
-from atlantis_netcfg.routeros.render.view import (
-    DeclaredHost,
-    InventoryView,
-    ManagementView,
-    NamedAddress,
-    Prerequisite,
-    RadioView,
-    RenderError,
-)
 
 if TYPE_CHECKING:
     from jinja2 import Template
 
-    from atlantis_netcfg.inventory.model import Bearer, Cpe, Ptp, RouterAccessPoint, ServedLink, WifiRadio
+    from atlantis_netcfg.inventory import model
 
 _BRIDGE = "bridge-ptp"
 _RADIO_NAMES = {"wireless": "wlan1", "wifi": "wifi1"}
@@ -51,21 +43,21 @@ class CpeView:
     title: str
     peer: str
     time_zone: str
-    time_servers: tuple[NamedAddress, ...]
+    time_servers: tuple[view.NamedAddress, ...]
     bridge: str
     port: str
     """The one Ethernet port; power and the router's cable come in by it."""
-    radio: RadioView
-    management: ManagementView
+    radio: view.RadioView
+    management: view.ManagementView
     network: str
     """Of the link: both routers and both radios."""
     gateway: str
     """The router that serves the link: the way to the time servers and to its own technician."""
-    routes: tuple[NamedAddress, ...]
+    routes: tuple[view.NamedAddress, ...]
     """The other networks from which it is managed, each with the address of the router that leads there."""
 
 
-def cpe(declaration: InventoryView, host: DeclaredHost, family: str) -> str:
+def cpe(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> str:
     """Render the whole desired text of one end, secrets in clear: never print it. Raises RenderError.
 
     `family`: `wireless` or `wifi`, the radio menus of the device.
@@ -78,7 +70,7 @@ def _template() -> Template:
     return environment().get_template("routeros/cpe.rsc.j2")
 
 
-def cpe_view(declaration: InventoryView, host: DeclaredHost, family: str) -> CpeView:
+def cpe_view(declaration: view.InventoryView, host: view.DeclaredHost, family: str) -> CpeView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = _cpe_of(host), declaration.sites[host.site]
     carried_site, bearer, serving, served_link = _ends(declaration, host, device)
@@ -89,11 +81,13 @@ def cpe_view(declaration: InventoryView, host: DeclaredHost, family: str) -> Cpe
         title=site.title,
         peer=device.ptp.peer,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
+        time_servers=tuple(
+            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+        ),
         bridge=_BRIDGE,
         port=device.port,
         radio=_radio(host.name, device.ptp, family),
-        management=ManagementView(
+        management=view.ManagementView(
             port=device.port,
             address=in_network(device.access.address, served_link.network),
             network=str(served_link.network),
@@ -103,7 +97,7 @@ def cpe_view(declaration: InventoryView, host: DeclaredHost, family: str) -> Cpe
         ),
         network=str(served_link.network),
         gateway=str(served_link.address),
-        routes=(NamedAddress(str(behind), str(bearer.address)),),
+        routes=(view.NamedAddress(str(behind), str(bearer.address)),),
     )
 
 
@@ -112,23 +106,25 @@ def radio_name(family: str) -> str:
     return _RADIO_NAMES[family]
 
 
-def cpe_prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def cpe_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Say what must be on the device before its text can be written: port and certificate that it refers to."""
     device = _cpe_of(host)
     peer = declaration.hosts[device.ptp.peer].name if device.ptp.peer in declaration.hosts else device.ptp.peer
     return (
-        Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
-        Prerequisite("/interface/ethernet", device.port, f"the cable of the bridge to {peer} comes in by it"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        view.Prerequisite("/interface/ethernet", device.port, f"the cable of the bridge to {peer} comes in by it"),
     )
 
 
-def _cpe_of(host: DeclaredHost) -> Cpe:
+def _cpe_of(host: view.DeclaredHost) -> model.Cpe:
     if host.device.kind != "cpe":
-        raise RenderError(f"{host.name} is a {host.device.kind}, and only a CPE has a CPE's configuration")
+        raise view.RenderError(f"{host.name} is a {host.device.kind}, and only a CPE has a CPE's configuration")
     return host.device
 
 
-def _ends(declaration: InventoryView, host: DeclaredHost, device: Cpe) -> tuple[str, Bearer, str, ServedLink]:
+def _ends(
+    declaration: view.InventoryView, host: view.DeclaredHost, device: model.Cpe
+) -> tuple[str, model.Bearer, str, model.ServedLink]:
     """Return the site that the bridge carries with its bearer, and the site that serves it with its link."""
     ends = {host.name, device.ptp.peer}
     for carried_site, site in declaration.sites.items():
@@ -139,16 +135,16 @@ def _ends(declaration: InventoryView, host: DeclaredHost, device: Cpe) -> tuple[
                 for served_link in other.served_links:
                     if served_link.carries == carried_site and {bearer.device, served_link.device} == ends:
                         return carried_site, bearer, serving, served_link
-    raise RenderError(
+    raise view.RenderError(
         f"{host.name} is no end of a link: no `wifi_ptp` bearer and served link name {host.name} and {device.ptp.peer}",
         hint="see `bearers` and `served_links` of the two sites in group_vars",
     )
 
 
-def _radio(name: str, ptp: Ptp, family: str) -> RadioView:
+def _radio(name: str, ptp: model.Ptp, family: str) -> view.RadioView:
     legacy = family == "wireless"
     if (ptp.standard == "802.11ax") if legacy else (ptp.protocol != "802.11"):
-        raise RenderError(f"{name}: the `{family}` menus cannot do {ptp.protocol} with {ptp.standard}")
+        raise view.RenderError(f"{name}: the `{family}` menus cannot do {ptp.protocol} with {ptp.standard}")
     distance_m = ptp.distance_m or 0
     return replace(
         _plain(ptp, family),
@@ -159,17 +155,17 @@ def _radio(name: str, ptp: Ptp, family: str) -> RadioView:
     )
 
 
-def access_point(radio: RouterAccessPoint) -> RadioView:
+def access_point(radio: model.RouterAccessPoint) -> view.RadioView:
     """The radio of a router, which vehicles join."""
     return replace(_plain(radio, radio.menus), is_isolated=radio.isolated)
 
 
-def _plain(radio: WifiRadio, family: str) -> RadioView:
+def _plain(radio: model.WifiRadio, family: str) -> view.RadioView:
     """An access point of 802.11."""
     legacy = family == "wireless"
     low = radio.frequency_mhz - radio.width_mhz // 2
     weather = low < _WEATHER_MHZ[1] and radio.frequency_mhz + radio.width_mhz // 2 > _WEATHER_MHZ[0]
-    return RadioView(
+    return view.RadioView(
         name=radio_name(family),
         family=family,
         is_ap=True,
@@ -188,13 +184,13 @@ def _plain(radio: WifiRadio, family: str) -> RadioView:
     )
 
 
-def _band(radio: WifiRadio, *, legacy: bool) -> str:
+def _band(radio: model.WifiRadio, *, legacy: bool) -> str:
     if not legacy:
         return f"{radio.band}-{radio.standard.removeprefix('802.11')}"
     return _LEGACY_BANDS[radio.standard].format(_LEGACY_N[radio.band])
 
 
-def _width(radio: WifiRadio, *, legacy: bool) -> str:
+def _width(radio: model.WifiRadio, *, legacy: bool) -> str:
     """Write a width with the control channel's place in it: `C` is the control channel, each `e` 20 MHz beside it."""
     if radio.width_mhz == _STEP_MHZ:
         return "20mhz"

@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links.standing_traffic import canaries
+from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._environment import environment
-from atlantis_netcfg.routeros.render.view import (
-    DeclaredHost,
-    InventoryView,
-    JudgedBearer,
-    LinkView,
-    ManagementView,
-    PingTarget,
-    PortView,
-    Prerequisite,
-    RenderError,
-    Uplink,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -30,15 +19,7 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory.model import AllowedTarget, Bearer, Failover, LteRouter, Pilot, Port, Router, Site
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from jinja2 import Template
-
-    from atlantis_netcfg.inventory.model import Pilot, Router, Site
+    from atlantis_netcfg.inventory import model
 
 
 WATCH_S = 5.0
@@ -51,7 +32,7 @@ _GAP_S = 5.0
 _MOST_SILENT, _MOST_STEADY = 40, 60
 
 
-def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
+def probe_timing(bearer: model.Bearer, failover: model.Failover) -> view.JudgedBearer:
     """Return how a bearer with canaries is judged.
 
     From the first lost question to the decision to leave, at least `hold_down_s` pass: its time-out, the 3 s that a row
@@ -68,7 +49,7 @@ def probe_timing(bearer: Bearer, failover: Failover) -> JudgedBearer:
     steady = min(max(2, ceil(failover.fail_back_s / usual_s) + 1), _MOST_STEADY)
     watch_s = float(max(failover.metered_probe_s, bearer.canary_pause_s)) if bearer.metered else WATCH_S
     daily_bytes, testing_bytes = (canaries(len(bearer.canaries), each).both for each in (watch_s, usual_s))
-    return JudgedBearer(
+    return view.JudgedBearer(
         has_gateway_check=not bearer.metered,
         watch_s=watch_s,
         timeout_s=_METERED_TIMEOUT_S if bearer.metered else _TIMEOUT_S,
@@ -86,13 +67,13 @@ def in_network(address: IPv4Address, network: IPv4Network) -> str:
     return str(IPv4Interface((address, network.prefixlen)))
 
 
-def ports(router: Router) -> tuple[PortView, ...]:
+def ports(router: model.Router) -> tuple[view.PortView, ...]:
     """Return every declared port; what is not declared is left alone."""
     return tuple(_port(port) for port in router.ports)
 
 
-def _port(port: Port) -> PortView:
-    return PortView(
+def _port(port: model.Port) -> view.PortView:
+    return view.PortView(
         name=port.name,
         purpose=port.link or port.use.value,
         is_disabled=port.use == "off",
@@ -101,29 +82,29 @@ def _port(port: Port) -> PortView:
     )
 
 
-def management_port(name: str, router: Router) -> str:
+def management_port(name: str, router: model.Router) -> str:
     """Return the one port of the technician; there the address stands already when the router is adopted."""
     matching_ports = [port.name for port in router.ports if port.use == "management"]
     if len(matching_ports) != 1:
-        raise RenderError(
+        raise view.RenderError(
             f"{name} needs one port with `use: management`, and has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
     return matching_ports[0]
 
 
-def port_of(name: str, router: Router, link: str) -> str:
+def port_of(name: str, router: model.Router, link: str) -> str:
     """Return the one port that carries a bearer or a served link."""
     matching_ports = [port.name for port in router.ports if port.link == link]
     if len(matching_ports) != 1:
-        raise RenderError(
+        raise view.RenderError(
             f"{name} needs one port with `use: link, link: {link}`, and has {len(matching_ports)}",
             hint=f"see `ports` in host_vars/{name}.yml",
         )
     return matching_ports[0]
 
 
-def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink, ...]:
+def uplinks(name: str, router: model.Router, site: model.Site, pilot: model.Pilot) -> tuple[view.Uplink, ...]:
     """Return the bearers in order of preference."""
     return tuple(
         _uplink(site, place, port_of(name, router, bearer.name), pilot)
@@ -131,11 +112,11 @@ def uplinks(name: str, router: Router, site: Site, pilot: Pilot) -> tuple[Uplink
     )
 
 
-def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
+def _uplink(site: model.Site, place: int, port: str, pilot: model.Pilot) -> view.Uplink:
     bearer = site.bearers[place - 1]
     targets = allowed_targets(pilot, bearer)
     later = site.bearers[place:]
-    return Uplink(
+    return view.Uplink(
         name=bearer.name,
         port=port,
         address=str(bearer.address),
@@ -154,16 +135,16 @@ def _uplink(site: Site, place: int, port: str, pilot: Pilot) -> Uplink:
     )
 
 
-def _targets(targets: Iterable[AllowedTarget]) -> Iterator[PingTarget]:
+def _targets(targets: Iterable[model.AllowedTarget]) -> Iterator[view.PingTarget]:
     for target in targets:
         transport = None if target.port is None else target.transport.value
-        yield PingTarget(target.name, str(target.address), target.port, transport)
+        yield view.PingTarget(target.name, str(target.address), target.port, transport)
 
 
-def served_links(name: str, router: Router, site: Site) -> tuple[LinkView, ...]:
+def served_links(name: str, router: model.Router, site: model.Site) -> tuple[view.LinkView, ...]:
     """Return the links that end here and carry another site."""
     return tuple(
-        LinkView(
+        view.LinkView(
             name=link.name,
             port=port_of(name, router, link.name),
             address=str(link.address),
@@ -196,10 +177,10 @@ class LteView:
     pin: Secret | None
     roaming: bool
     bands: tuple[int, ...]
-    management: ManagementView
+    management: view.ManagementView
 
 
-def lte(declaration: InventoryView, host: DeclaredHost) -> str:
+def lte(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the whole desired text of one box, secrets in clear: never print it. Raises RenderError."""
     return _template().render(lte=lte_view(declaration, host))
 
@@ -209,7 +190,7 @@ def _template() -> Template:
     return environment().get_template("routeros/lte.rsc.j2")
 
 
-def lte_view(declaration: InventoryView, host: DeclaredHost) -> LteView:
+def lte_view(declaration: view.InventoryView, host: view.DeclaredHost) -> LteView:
     """Prepare what the template sees. Raises RenderError."""
     device, bearer = _box(host), lte_bearer(declaration, host)
     sim, access = device.sim, device.access
@@ -226,7 +207,7 @@ def lte_view(declaration: InventoryView, host: DeclaredHost) -> LteView:
         pin=sim.pin,
         roaming=sim.roaming,
         bands=sim.bands,
-        management=ManagementView(
+        management=view.ManagementView(
             port=_PORT,
             address=in_network(device.address, bearer.network),
             network=str(bearer.network),
@@ -237,31 +218,33 @@ def lte_view(declaration: InventoryView, host: DeclaredHost) -> LteView:
     )
 
 
-def lte_bearer(declaration: InventoryView, host: DeclaredHost) -> Bearer:
+def lte_bearer(declaration: view.InventoryView, host: view.DeclaredHost) -> model.Bearer:
     """Return the link whose gateway the box is. Raises RenderError."""
     device = _box(host)
     for bearer in declaration.sites[host.site].bearers:
         if bearer.device == host.name or bearer.gateway == device.address:
             return bearer
-    raise RenderError(
+    raise view.RenderError(
         f"{host.name} is the gateway of no link of {host.site}",
         hint=f"see `bearers` in group_vars/{host.site}.yml: one has `device: {host.name}`",
     )
 
 
-def lte_prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def lte_prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Say what must be on the device before its text can be written: modem, port and certificate that it refers to."""
     link = lte_bearer(declaration, host).name
     return (
-        Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
-        Prerequisite("/interface/ethernet", _PORT, f"the cable of {link} comes in by it"),
-        Prerequisite("/interface/lte", _MODEM, "it is the way to the 4G network"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        view.Prerequisite("/interface/ethernet", _PORT, f"the cable of {link} comes in by it"),
+        view.Prerequisite("/interface/lte", _MODEM, "it is the way to the 4G network"),
     )
 
 
-def _box(host: DeclaredHost) -> LteRouter:
+def _box(host: view.DeclaredHost) -> model.LteRouter:
     if host.device.kind != "lte_router" or host.device.driver != "routeros":
-        raise RenderError(f"{host.name} is no LTE box with driver routeros, and only such a one has this configuration")
+        raise view.RenderError(
+            f"{host.name} is no LTE box with driver routeros, and only such a one has this configuration"
+        )
     return host.device
 
 

@@ -8,36 +8,10 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.model import LanBox, Pilot, Router, Site, Switch, TrafficClass, Transport
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.routeros.render import _links, view
 from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
 from atlantis_netcfg.routeros.render._environment import environment
-from atlantis_netcfg.routeros.render._links import (
-    API_CERTIFICATE,
-    in_network,
-    management_port,
-    ports,
-    served_links,
-    uplinks,
-)
-from atlantis_netcfg.routeros.render.view import (
-    BRIDGE,
-    ClassView,
-    DeclaredHost,
-    InventoryView,
-    LanView,
-    ManagementView,
-    Managers,
-    NamedAddress,
-    PortForward,
-    Prerequisite,
-    Remote,
-    RenderError,
-    RouterView,
-    TunnelView,
-    address_in_site,
-    hosts_of,
-    router_of,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,27 +20,27 @@ if TYPE_CHECKING:
     from jinja2 import Template
 
 
-def _server(declaration: InventoryView) -> DeclaredHost:
+def _server(declaration: view.InventoryView) -> view.DeclaredHost:
     name = declaration.pilot.vpn.server
     if name not in declaration.hosts:
-        raise RenderError(
+        raise view.RenderError(
             f"no host is called {name}, which pilot.vpn.server names",
             hint="see group_vars/all/pilot.yml",
         )
     return declaration.hosts[name]
 
 
-def server_in_lan(declaration: InventoryView, host: DeclaredHost) -> bool:
+def server_in_lan(declaration: view.InventoryView, host: view.DeclaredHost) -> bool:
     """Tell whether the VPN server stands at the router's own site."""
     return _server(declaration).site == host.site
 
 
-def tunnel(declaration: InventoryView, router: Router) -> TunnelView | None:
+def tunnel(declaration: view.InventoryView, router: model.Router) -> view.TunnelView | None:
     """Return the router's end of the VPN, if it is one."""
     client, vpn = router.vpn_client, declaration.pilot.vpn
     if client is None:
         return None
-    return TunnelView(
+    return view.TunnelView(
         interface=f"ovpn-{_server(declaration).site}",
         connect_to=vpn.endpoint_name,
         endpoint=str(vpn.endpoint),
@@ -79,18 +53,18 @@ def tunnel(declaration: InventoryView, router: Router) -> TunnelView | None:
     )
 
 
-def remotes(declaration: InventoryView, host: DeclaredHost, interface: str | None) -> tuple[Remote, ...]:
+def remotes(declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None) -> tuple[view.Remote, ...]:
     """Return the networks behind the VPN: through `interface`, or by way of the server in the LAN, or none at all."""
     server = _server(declaration)
     gateway = interface
     if server.site == host.site:
-        gateway = address_in_site(server.device, declaration.sites[host.site])
+        gateway = view.address_in_site(server.device, declaration.sites[host.site])
     if gateway is None:
         return ()
-    return tuple(Remote(name, network, gateway) for name, network in _networks(declaration, host.site))
+    return tuple(view.Remote(name, network, gateway) for name, network in _networks(declaration, host.site))
 
 
-def _networks(declaration: InventoryView, here: str) -> Iterator[tuple[str, str]]:
+def _networks(declaration: view.InventoryView, here: str) -> Iterator[tuple[str, str]]:
     """Yield every network that an answer may go to: tunnel addresses, other LANs, and managers that are admitted."""
     yield "tunnel addresses", str(declaration.pilot.vpn.network)
     admit = declaration.sites[here].management.admit
@@ -102,7 +76,9 @@ def _networks(declaration: InventoryView, here: str) -> Iterator[tuple[str, str]
             yield f"{name} management", str(site.management.network)
 
 
-def managers(declaration: InventoryView, host: DeclaredHost, interface: str | None) -> Iterator[Managers]:
+def managers(
+    declaration: view.InventoryView, host: view.DeclaredHost, interface: str | None
+) -> Iterator[view.Managers]:
     """Yield who may manage the router, and where they come from; `interface` is its end of the VPN.
 
     A prefix counts where it is: at the technician's port, in the LAN, behind the VPN. One of no network of ours comes
@@ -120,39 +96,41 @@ def managers(declaration: InventoryView, host: DeclaredHost, interface: str | No
                 has_network = True
                 if interfaces:
                     both = max(prefix, network, key=lambda entry: entry.prefixlen)
-                    yield Managers(way, interfaces, str(both))
+                    yield view.Managers(way, interfaces, str(both))
         if not has_network:
-            yield Managers(" from outside", "WAN", str(prefix))
+            yield view.Managers(" from outside", "WAN", str(prefix))
 
 
-def _inner(site: Site) -> tuple[IPv4Network, ...]:
+def _inner(site: model.Site) -> tuple[IPv4Network, ...]:
     return site.lan.network, site.management.network
 
 
-def forwards(declaration: InventoryView, host: DeclaredHost, router: Router) -> tuple[PortForward, ...]:
+def forwards(
+    declaration: view.InventoryView, host: view.DeclaredHost, router: model.Router
+) -> tuple[view.PortForward, ...]:
     """Return the ports of our outer addresses that lead inside: what is declared, and the far end of measurements."""
     site, qualify = declaration.sites[host.site], declaration.pilot.qualify
     ports = [(forward.to, forward.transport, forward.port) for forward in router.forwards]
     if qualify is not None and _find_host(declaration, host, qualify.reflector).site == host.site:
-        ports.append((qualify.reflector, Transport.UDP, qualify.port))
+        ports.append((qualify.reflector, model.Transport.UDP, qualify.port))
     return tuple(
-        PortForward(
+        view.PortForward(
             name=name,
             transport=transport.value,
             port=port,
-            to=address_in_site(_find_host(declaration, host, name).device, site),
+            to=view.address_in_site(_find_host(declaration, host, name).device, site),
         )
         for name, transport, port in ports
     )
 
 
-def _find_host(declaration: InventoryView, host: DeclaredHost, name: str) -> DeclaredHost:
+def _find_host(declaration: view.InventoryView, host: view.DeclaredHost, name: str) -> view.DeclaredHost:
     if name not in declaration.hosts:
-        raise RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
+        raise view.RenderError(f"{host.name} forwards a port to {name}, and no host is called so")
     return declaration.hosts[name]
 
 
-def router(declaration: InventoryView, host: DeclaredHost) -> str:
+def router(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the whole desired text of one router, secrets in clear: never print it. Raises RenderError."""
     return _template().render(router=router_view(declaration, host))
 
@@ -163,23 +141,25 @@ def _template() -> Template:
     return environment().get_template("routeros/router.rsc.j2")
 
 
-def router_view(declaration: InventoryView, host: DeclaredHost) -> RouterView:
+def router_view(declaration: view.InventoryView, host: view.DeclaredHost) -> view.RouterView:
     """Prepare what the template sees. Raises RenderError."""
-    device, site = router_of(host), declaration.sites[host.site]
+    device, site = view.router_of(host), declaration.sites[host.site]
     own_tunnel = tunnel(declaration, device)
-    return RouterView(
+    return view.RouterView(
         name=host.name,
         title=site.title,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
-        bridge=BRIDGE,
-        ports=ports(device),
+        time_servers=tuple(
+            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+        ),
+        bridge=view.BRIDGE,
+        ports=_links.ports(device),
         lan=_lan(declaration, host, device),
         management=_management(host.name, site, device),
         managers=tuple(managers(declaration, host, own_tunnel.interface if own_tunnel else None)),
-        uplinks=uplinks(host.name, device, site, declaration.pilot),
+        uplinks=_links.uplinks(host.name, device, site, declaration.pilot),
         classes=tuple(_classes(site)),
-        served_links=served_links(host.name, device, site),
+        served_links=_links.served_links(host.name, device, site),
         tunnel=own_tunnel,
         server_in_lan=server_in_lan(declaration, host),
         remotes=remotes(declaration, host, own_tunnel.interface if own_tunnel else None),
@@ -189,87 +169,89 @@ def router_view(declaration: InventoryView, host: DeclaredHost) -> RouterView:
         forwards=forwards(declaration, host, device),
         access_point=None if device.access_point is None else access_point(device.access_point),
         switches=tuple(
-            NamedAddress(other.name, str(other.device.access.address))
-            for other in hosts_of(declaration, host.site)
-            if isinstance(other.device, Switch)
+            view.NamedAddress(other.name, str(other.device.access.address))
+            for other in view.hosts_of(declaration, host.site)
+            if isinstance(other.device, model.Switch)
         ),
     )
 
 
-def prerequisites(declaration: InventoryView, host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def prerequisites(declaration: view.InventoryView, host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Say what must be on the device before the text can be written: ports and certificates that it refers to."""
-    device = router_of(host)
+    device = view.router_of(host)
     own_tunnel = tunnel(declaration, device)
-    certificates = [Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it")]
+    certificates = [view.Prerequisite("/certificate", _links.API_CERTIFICATE, "service api-ssl presents it")]
     if own_tunnel is not None:
         reason = f"{own_tunnel.interface} proves with it who it is"
-        certificates.append(Prerequisite("/certificate", own_tunnel.certificate, reason))
+        certificates.append(view.Prerequisite("/certificate", own_tunnel.certificate, reason))
     return (
         *certificates,
         *(
-            Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
-            for port in ports(device)
+            view.Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            for port in _links.ports(device)
         ),
         *_radio_of(device),
     )
 
 
-def _radio_of(device: Router) -> Iterator[Prerequisite]:
+def _radio_of(device: model.Router) -> Iterator[view.Prerequisite]:
     if device.access_point is not None:
         menus = device.access_point.menus
-        yield Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point for vehicles")
+        yield view.Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point for vehicles")
 
 
-def _dds_ports(pilot: Pilot) -> str | None:
+def _dds_ports(pilot: model.Pilot) -> str | None:
     return None if pilot.dds is None else f"{pilot.dds.ports[0]}-{pilot.dds.ports[-1]}"
 
 
-def _lan(declaration: InventoryView, here: DeclaredHost, device: Router) -> LanView:
+def _lan(declaration: view.InventoryView, here: view.DeclaredHost, device: model.Router) -> view.LanView:
     lan = declaration.sites[here.site].lan
-    return LanView(
-        address=in_network(lan.gateway, lan.network),
+    return view.LanView(
+        address=_links.in_network(lan.gateway, lan.network),
         network=str(lan.network),
         gateway=str(lan.gateway),
         domain=lan.domain,
         hosts=tuple(
-            NamedAddress(host.name, str(host.device.address))
-            for host in hosts_of(declaration, here.site)
-            if isinstance(host.device, LanBox)
+            view.NamedAddress(host.name, str(host.device.address))
+            for host in view.hosts_of(declaration, here.site)
+            if isinstance(host.device, model.LanBox)
         ),
         ports=tuple(port.name for port in device.ports if port.use == "lan"),
         pool=f"{lan.dhcp.first}-{lan.dhcp.last}",
         lease_time_s=lan.dhcp.lease_minutes * 60,
-        reservations=tuple(NamedAddress(row.name, str(row.address), row.mac) for row in lan.reservations),
+        reservations=tuple(view.NamedAddress(row.name, str(row.address), row.mac) for row in lan.reservations),
     )
 
 
-_QUEUES = {TrafficClass.TELEMETRY: (3, 5), TrafficClass.IMAGES: (5, 10), TrafficClass.BULK: (7, 20)}
+_QUEUES = {model.TrafficClass.TELEMETRY: (3, 5), model.TrafficClass.IMAGES: (5, 10), model.TrafficClass.BULK: (7, 20)}
 """Priority and share; control has 1 and a half, the rest 8 and a tenth (templates/routeros/parts/queues.rsc.j2)."""
 
 
-def _classes(site: Site) -> Iterator[ClassView]:
+def _classes(site: model.Site) -> Iterator[view.ClassView]:
     for kind, (priority, share) in _QUEUES.items():
-        hosts = tuple(NamedAddress(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind)
+        hosts = tuple(
+            view.NamedAddress(row.name, str(row.address)) for row in site.lan.reservations if row.traffic is kind
+        )
         if hosts:
-            yield ClassView(kind.value, priority, share, hosts)
+            yield view.ClassView(kind.value, priority, share, hosts)
 
 
-def _management(name: str, site: Site, device: Router) -> ManagementView:
-    return ManagementView(
-        port=management_port(name, device),
-        address=in_network(device.access.address, site.management.network),
+def _management(name: str, site: model.Site, device: model.Router) -> view.ManagementView:
+    return view.ManagementView(
+        port=_links.management_port(name, device),
+        address=_links.in_network(device.access.address, site.management.network),
         network=str(site.management.network),
         admit=tuple(str(prefix) for prefix in site.management.admit),
         api_port=device.access.port,
-        certificate=API_CERTIFICATE,
+        certificate=_links.API_CERTIFICATE,
     )
 
 
-def _names(declaration: InventoryView, here: str) -> Iterator[NamedAddress]:
+def _names(declaration: view.InventoryView, here: str) -> Iterator[view.NamedAddress]:
     """Yield what the router's DNS knows by itself: hosts and reservations of the site, and the VPN's endpoint."""
     site, vpn = declaration.sites[here], declaration.pilot.vpn
-    host_addresses = {host.name: address_in_site(host.device, site) for host in hosts_of(declaration, here)}
+    host_addresses = {host.name: view.address_in_site(host.device, site) for host in view.hosts_of(declaration, here)}
     reservation_addresses = {row.name: str(row.address) for row in site.lan.reservations}
     for name, address in sorted((reservation_addresses | host_addresses).items()):
-        yield NamedAddress(f"{name}.{site.lan.domain}", address)
-    yield NamedAddress(vpn.endpoint_name, str(vpn.endpoint))
+        yield view.NamedAddress(f"{name}.{site.lan.domain}", address)
+    yield view.NamedAddress(vpn.endpoint_name, str(vpn.endpoint))

@@ -6,30 +6,17 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.inventory.model import Router, SwitchPortUse
+from atlantis_netcfg.inventory import model
+from atlantis_netcfg.routeros.render import view
 from atlantis_netcfg.routeros.render._cpe import access_point, radio_name
 from atlantis_netcfg.routeros.render._environment import environment
 from atlantis_netcfg.routeros.render._links import API_CERTIFICATE, in_network
 from atlantis_netcfg.routeros.render._router import managers, tunnel
-from atlantis_netcfg.routeros.render.view import (
-    BRIDGE,
-    DeclaredHost,
-    InventoryView,
-    ManagementView,
-    NamedAddress,
-    PortView,
-    Prerequisite,
-    RadioView,
-    RenderError,
-    hosts_of,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from jinja2 import Template
-
-    from atlantis_netcfg.inventory.model import Switch
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,17 +36,17 @@ class SwitchView:
     name: str
     title: str
     time_zone: str
-    time_servers: tuple[NamedAddress, ...]
+    time_servers: tuple[view.NamedAddress, ...]
     bridge: str
-    ports: tuple[PortView, ...]
+    ports: tuple[view.PortView, ...]
     bridge_ports: tuple[BridgedPort, ...]
-    management: ManagementView
+    management: view.ManagementView
     """Who is admitted are the router, and whoever may manage and comes by the LAN."""
     gateway: str
-    access_point: RadioView | None
+    access_point: view.RadioView | None
 
 
-def switch(declaration: InventoryView, host: DeclaredHost) -> str:
+def switch(declaration: view.InventoryView, host: view.DeclaredHost) -> str:
     """Render the whole desired text of one switch, secrets in clear: never print it. Raises RenderError."""
     return _template().render(switch=switch_view(declaration, host))
 
@@ -69,7 +56,7 @@ def _template() -> Template:
     return environment().get_template("routeros/switch.rsc.j2")
 
 
-def switch_view(declaration: InventoryView, host: DeclaredHost) -> SwitchView:
+def switch_view(declaration: view.InventoryView, host: view.DeclaredHost) -> SwitchView:
     """Prepare what the template sees. Raises RenderError."""
     device, site = _switch_of(host), declaration.sites[host.site]
     radio = None if device.access_point is None else access_point(device.access_point)
@@ -77,11 +64,13 @@ def switch_view(declaration: InventoryView, host: DeclaredHost) -> SwitchView:
         name=host.name,
         title=site.title,
         time_zone=declaration.pilot.time_zone,
-        time_servers=tuple(NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers),
-        bridge=BRIDGE,
+        time_servers=tuple(
+            view.NamedAddress(server.name, str(server.address)) for server in declaration.pilot.time_servers
+        ),
+        bridge=view.BRIDGE,
         ports=_ports(device),
         bridge_ports=tuple(_bridge_ports(device, radio)),
-        management=ManagementView(
+        management=view.ManagementView(
             port=device.uplink,
             address=in_network(device.access.address, site.lan.network),
             network=str(site.lan.network),
@@ -94,34 +83,36 @@ def switch_view(declaration: InventoryView, host: DeclaredHost) -> SwitchView:
     )
 
 
-def switch_prerequisites(host: DeclaredHost) -> tuple[Prerequisite, ...]:
+def switch_prerequisites(host: view.DeclaredHost) -> tuple[view.Prerequisite, ...]:
     """Say what must be on the device before its text can be written: ports, certificate and radio."""
     device = _switch_of(host)
     prerequisites = [
-        Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
+        view.Prerequisite("/certificate", API_CERTIFICATE, "service api-ssl presents it"),
         *(
-            Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
+            view.Prerequisite("/interface/ethernet", port.name, f"it is declared as port for {port.purpose}")
             for port in _ports(device)
         ),
     ]
     if device.access_point is not None:
         menus = device.access_point.menus
-        prerequisites.append(Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point"))
+        prerequisites.append(
+            view.Prerequisite(f"/interface/{menus}", radio_name(menus), "it is declared as access point")
+        )
     return tuple(prerequisites)
 
 
-def _switch_of(host: DeclaredHost) -> Switch:
+def _switch_of(host: view.DeclaredHost) -> model.Switch:
     if host.device.kind != "switch":
-        raise RenderError(f"{host.name} is a {host.device.kind}, and only a switch has a switch's configuration")
+        raise view.RenderError(f"{host.name} is a {host.device.kind}, and only a switch has a switch's configuration")
     return host.device
 
 
-def _ports(device: Switch) -> tuple[PortView, ...]:
+def _ports(device: model.Switch) -> tuple[view.PortView, ...]:
     return tuple(
-        PortView(
+        view.PortView(
             name=port.name,
             purpose=port.use.value,
-            is_disabled=port.use is SwitchPortUse.OFF,
+            is_disabled=port.use is model.SwitchPortUse.OFF,
             poe_out=port.poe.out.value if port.poe else None,
             poe_priority=port.poe.priority if port.poe else None,
         )
@@ -129,22 +120,22 @@ def _ports(device: Switch) -> tuple[PortView, ...]:
     )
 
 
-_PURPOSES = {SwitchPortUse.UPLINK: "to the router", SwitchPortUse.LAN: "LAN"}
+_PURPOSES = {model.SwitchPortUse.UPLINK: "to the router", model.SwitchPortUse.LAN: "LAN"}
 
 
-def _bridge_ports(device: Switch, radio: RadioView | None) -> Iterator[BridgedPort]:
+def _bridge_ports(device: model.Switch, radio: view.RadioView | None) -> Iterator[BridgedPort]:
     for port in device.ports:
-        if port.use is not SwitchPortUse.OFF:
+        if port.use is not model.SwitchPortUse.OFF:
             purpose = _PURPOSES[port.use]
             yield BridgedPort(port.name, f"{purpose}, isolated" if port.isolated else purpose, port.isolated)
     if radio is not None:
         yield BridgedPort(radio.name, "access point", radio.is_isolated)
 
 
-def _by_the_lan(declaration: InventoryView, site: str) -> Iterator[str]:
+def _by_the_lan(declaration: view.InventoryView, site: str) -> Iterator[str]:
     """Yield the networks of managers who come by the LAN itself, perhaps by way of the VPN's server in it."""
-    for host in hosts_of(declaration, site):
-        if isinstance(host.device, Router):
+    for host in view.hosts_of(declaration, site):
+        if isinstance(host.device, model.Router):
             end = tunnel(declaration, host.device)
             all_managers = managers(declaration, host, end.interface if end is not None else None)
             yield from dict.fromkeys(manager.network for manager in all_managers if manager.interfaces == "LAN")

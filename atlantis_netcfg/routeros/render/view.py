@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from atlantis_netcfg.core.secret import Secret
-    from atlantis_netcfg.inventory.model import BearerKind, Device, Pilot, Router, Site
+    from atlantis_netcfg.inventory import model
 
 
 BRIDGE = "bridge-lan"
@@ -143,7 +143,7 @@ class Uplink(LinkView):
     """A bearer. `place` is its place in the order of preference, from 1."""
 
     gateway: str
-    kind: BearerKind
+    kind: model.BearerKind
     place: int
     canaries: tuple[str, ...]
     targets: tuple[PingTarget, ...]
@@ -360,7 +360,7 @@ class DeclaredHost(Protocol):
         """Key in `sites`."""
 
     @property
-    def device(self) -> Device:
+    def device(self) -> model.Device:
         """What it is."""
 
 
@@ -368,11 +368,11 @@ class InventoryView(Protocol):
     """The declaration, as far as rendering reads it."""
 
     @property
-    def pilot(self) -> Pilot:
+    def pilot(self) -> model.Pilot:
         """What all sites share."""
 
     @property
-    def sites(self) -> Mapping[str, Site]:
+    def sites(self) -> Mapping[str, model.Site]:
         """By name."""
 
     @property
@@ -380,7 +380,7 @@ class InventoryView(Protocol):
         """By name."""
 
 
-def router_of(host: DeclaredHost) -> Router:
+def router_of(host: DeclaredHost) -> model.Router:
     """Return the device of a host that is a router."""
     if host.device.kind != "router":
         raise RenderError(f"{host.name} is a {host.device.kind}, and only a router has a router's configuration")
@@ -392,7 +392,7 @@ def hosts_of(declaration: InventoryView, site: str) -> tuple[DeclaredHost, ...]:
     return tuple(host for _, host in sorted(declaration.hosts.items()) if host.site == site)
 
 
-def address_in_site(device: Device, site: Site) -> str:
+def address_in_site(device: model.Device, site: model.Site) -> str:
     """Return the address by which the hosts of its site know a device."""
     if device.kind == "router":
         return str(site.lan.gateway)

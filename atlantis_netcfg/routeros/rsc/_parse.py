@@ -13,7 +13,7 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.rsc._model import FLAGS, VERBS, Export, RscError, Statement
+from atlantis_netcfg.routeros.rsc import _model
 from atlantis_netcfg.routeros.rsc._print import ValueTextError, unquote
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ class RscArguments:
             raise self.line.error(start, f"{_describe_char(self._char())} cannot stand here", hint=_ROW_HINT)
         word = match[0]
         may_be_target = self.verb != "add" and not self.values and not self._has_target()
-        if word.lstrip(".") in FLAGS and not may_be_target:
+        if word.lstrip(".") in _model.FLAGS and not may_be_target:
             self.values.append((self._full_name(word), ""))
         elif may_be_target:
             self.target = self._unquote(word, start)
@@ -175,7 +175,7 @@ class RscArguments:
             raise self._stray(start, word)
         self.offset = match.end()
 
-    def _stray(self, start: int, word: str) -> RscError:
+    def _stray(self, start: int, word: str) -> _model.RscError:
         if word.startswith("#"):
             hint = "move it to a line of its own above"
             return self.line.error(start, "a comment cannot follow on the same line", hint=hint)
@@ -219,10 +219,10 @@ class LogicalLine:
         self._parts.append((len(self.text), line, column))
         self.text += text
 
-    def error(self, offset: int, message: str, *, hint: str | None = None) -> RscError:
+    def error(self, offset: int, message: str, *, hint: str | None = None) -> _model.RscError:
         """Make the error for the character at `offset`, placed where the person sees it."""
         start, line, column = self._parts[bisect_right(self._parts, offset, key=lambda part: part[0]) - 1]
-        return RscError(message, source=self.source, line=line, column=column + offset - start, hint=hint)
+        return _model.RscError(message, source=self.source, line=line, column=column + offset - start, hint=hint)
 
 
 def logical_lines(text: str, source: str) -> Iterator[LogicalLine]:
@@ -253,7 +253,7 @@ _PATH_WORD = re.compile(r"[a-z0-9][a-z0-9-]*(?:/[a-z0-9][a-z0-9-]*)*(?=[ \t]|$)"
 _MENU_HINT = "open the menu first, as in:  /ip firewall filter"
 
 
-def parse(text: str, source: str = "text") -> Export:
+def parse(text: str, source: str = "text") -> _model.Export:
     """Read a whole export; `source` is what errors call the text. Raises RscError at the first mistake."""
     reader = _Reader()
     for line in logical_lines(text, source):
@@ -268,7 +268,7 @@ class _Reader:
     menu: str | None = None
     header: tuple[str, ...] | None = None
     comments: list[str] = field(default_factory=list)
-    statements: list[Statement] = field(default_factory=list)
+    statements: list[_model.Statement] = field(default_factory=list)
     menus: dict[str, None] = field(default_factory=dict)
 
     def take(self, line: LogicalLine) -> None:
@@ -279,9 +279,9 @@ class _Reader:
         if line.text.strip():
             self._command(line)
 
-    def export(self) -> Export:
+    def export(self) -> _model.Export:
         self._end_header()
-        return Export(self.header or (), tuple(self.statements), tuple(self.menus), tuple(self.comments))
+        return _model.Export(self.header or (), tuple(self.statements), tuple(self.menus), tuple(self.comments))
 
     def _end_header(self) -> None:
         if self.header is None:
@@ -297,7 +297,7 @@ class _Reader:
         arguments.read()
         self.menus.setdefault(menu)
         self.statements.append(
-            Statement(
+            _model.Statement(
                 menu=menu,
                 verb=verb,
                 values=tuple(arguments.values),
@@ -341,7 +341,7 @@ def _path(line: LogicalLine, current: str | None) -> tuple[str, str | None, int]
 def _verb(line: LogicalLine, match: re.Match[str]) -> str | None:
     """Return the command word that ends the path within this run of `a/b/c`, if there is one."""
     words = match[0].split("/")
-    verb = next((word for word in words if word in VERBS), None)
+    verb = next((word for word in words if word in _model.VERBS), None)
     if verb is not None and verb != words[-1]:
         at = match.start() + match[0].index(verb)
         raise line.error(at, f"`{verb}` is a command, nothing stands below it", hint=f"put a space behind `{verb}`")
@@ -352,7 +352,7 @@ def _join(menu: str, words: list[str]) -> str:
     return "/" + "/".join([*menu.strip("/").split("/"), *words]).strip("/")
 
 
-def _not_a_command(line: LogicalLine, offset: int) -> RscError:
+def _not_a_command(line: LogicalLine, offset: int) -> _model.RscError:
     if line.text.startswith((":", "{", "}", "$", "(", "[")):
         hint = "keep scripts in /system script, or leave the line out"
         return line.error(0, "this is a line of a script; only the lines of an export are understood here", hint=hint)

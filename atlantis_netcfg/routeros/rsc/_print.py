@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.routeros.rsc._model import FLAGS, Export, Statement
+from atlantis_netcfg.routeros.rsc import _model
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -106,7 +106,7 @@ def console_path(menu: str) -> str:
     return "/" + menu.strip("/").replace("/", " ")
 
 
-def print_export(export: Export, *, width: int | None = WIDTH) -> str:
+def print_export(export: _model.Export, *, width: int | None = WIDTH) -> str:
     """Print the text that `parse` reads back to an equal export; with `width=None` every statement is one line."""
     elide = not any(_ROUTEROS_6.search(line) for line in export.header)
     lines = [_comment(line) for line in export.header]
@@ -137,7 +137,9 @@ def _comment(text: str) -> str:
     return f"# {text}".rstrip()
 
 
-def print_statement(statement: Statement, *, width: int | None = None, path: bool = False, elide: bool = False) -> str:
+def print_statement(
+    statement: _model.Statement, *, width: int | None = None, path: bool = False, elide: bool = False
+) -> str:
     """Print one statement without its comments; `path` puts the menu in front, as `export terse` does.
 
     `elide` shortens repeated prefixes (`configuration.country=X .mode=ap`) as RouterOS 7 prints them.
@@ -162,7 +164,7 @@ class _Atom:
     """What is put in quotes and cut, if no line has room for the whole; None is a word that must not be cut."""
 
 
-def _atoms(statement: Statement, *, elide: bool) -> Iterator[_Atom]:
+def _atoms(statement: _model.Statement, *, elide: bool) -> Iterator[_Atom]:
     if statement.find is not None:
         yield from (_Atom("["), _Atom("find"))
         yield from _arguments(statement.find, elide=False)
@@ -180,7 +182,7 @@ def _arguments(values: Iterable[tuple[str, str | None]], *, elide: bool) -> Iter
         before = prefix if value is not None else ""
         if value is None:
             yield _Atom(f"!{name}")
-        elif value == "" and last in FLAGS:
+        elif value == "" and last in _model.FLAGS:
             yield _Atom(label)
         else:
             yield _Atom(f"{label}=")
@@ -265,7 +267,7 @@ def is_volatile(comment: str) -> bool:
     return _VOLATILE.fullmatch(comment) is not None
 
 
-def drop_volatile(export: Export) -> Export:
+def drop_volatile(export: _model.Export) -> _model.Export:
     """Return the export without the comments that report state; all others stay."""
     return replace(
         export,

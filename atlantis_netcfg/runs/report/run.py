@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import ExitCode, worst
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import Row, Style, StyledText
 from atlantis_netcfg.runs.report.summary import DeviceEnd, Summary, ending, rows_of_plan
 
 if TYPE_CHECKING:
@@ -114,20 +113,20 @@ class RunReport:
             "not_rehearsed": list(self.not_rehearsed) if self.is_rehearsal else [],
         }
 
-    def plan_rows(self) -> list[Row]:
+    def plan_rows(self) -> list[printable.Row]:
         """What would change, device by device, and what it costs; one that has no plan has its closing line alone."""
-        rows: list[Row] = []
+        rows: list[printable.Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
-                rows += [StyledText(f"{name}:", Style.TITLE), *_plan(result), ""]
+                rows += [printable.StyledText(f"{name}:", printable.Style.TITLE), *_plan(result), ""]
         return rows
 
-    def cost_rows(self) -> list[Row]:
+    def cost_rows(self) -> list[printable.Row]:
         """The same without the differences: of each device how much would change, and what that costs."""
-        rows: list[Row] = []
+        rows: list[printable.Row] = []
         for name, result in self.devices.items():
             if not _without_plan(result):
-                rows += [StyledText(f"{name}:", Style.TITLE), *_plan_cost(result), ""]
+                rows += [printable.StyledText(f"{name}:", printable.Style.TITLE), *_plan_cost(result), ""]
         return rows
 
     def plan_as_text(self) -> str:
@@ -138,7 +137,7 @@ class RunReport:
         """The closing lines that a person reads, as plain text."""
         return "\n".join(map(printable.plain, self.rows()))
 
-    def rows(self, width: int = 0) -> list[Row]:
+    def rows(self, width: int = 0) -> list[printable.Row]:
         """The closing lines: the devices, wrapped at `width` columns if that is not 0, and the summary."""
         column = _NARROW_COLUMN if 0 < width < _ROOMY else _COLUMN
         devices = [part for row in self._device_rows(column) for part in printable.wrap_row(row, width, column)]
@@ -174,12 +173,12 @@ class RunReport:
                 return {**item.result, "exit": ExitCode.FAILED, "status": "unknown", "message": words, "hint": None}
         return result
 
-    def _device_rows(self, column: int) -> Iterable[Row]:
+    def _device_rows(self, column: int) -> Iterable[printable.Row]:
         below, start = " " * column, f"<{column - 3}"
         for name, result in self.devices.items():
             words = printable.below(translate(result["message"]), column)
-            style = _STYLES.get(ending(result), Style.BAD)
-            yield (f"  {name:{start}} ", StyledText(words, style), _cost(result))
+            style = _STYLES.get(ending(result), printable.Style.BAD)
+            yield (f"  {name:{start}} ", printable.StyledText(words, style), _cost(result))
             if result["hint"]:
                 yield f"{below}{printable.below(translate(result['hint']), column)}"
             yield from self._bill(result, below)
@@ -191,16 +190,16 @@ class RunReport:
             yield from (_note("note", note, column) for note in result["notes"])
             yield from (_note("drift", drift["message"], column) for drift in result["drift"])
         yield from (
-            (f"  {name:{start}} ", StyledText(translate(f"not rehearsed: {why}"), Style.WARNING))
+            (f"  {name:{start}} ", printable.StyledText(translate(f"not rehearsed: {why}"), printable.Style.WARNING))
             for name, why in self.left_out.items()
         )
         for name, kind in self.not_handled.items():
             words = translate(f"not handled yet ({kind.replace('_', ' ')})")
-            yield (f"  {name:{start}} ", StyledText(words, Style.WARNING))
+            yield (f"  {name:{start}} ", printable.StyledText(words, printable.Style.WARNING))
         if self.is_rehearsal and self.verbose:
             yield from (f"  {translate(f'not rehearsed: {item}')}" for item in self.not_rehearsed)
 
-    def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[Row]:
+    def _bill(self, result: Mapping[str, Any], below: str) -> Iterable[printable.Row]:
         return (f"{below}{translate(line)}" for line in cost_lines(result, is_rehearsal=self.is_rehearsal))
 
 
@@ -208,19 +207,19 @@ _COLUMN, _NARROW_COLUMN = 21, 4
 """Where what is told of a device begins; the second on a terminal that is less than `_ROOMY` columns wide."""
 _ROOMY = 60
 _STYLES = {
-    DeviceEnd.CHANGED: Style.GOOD,
-    DeviceEnd.UNCHANGED: Style.GOOD,
-    DeviceEnd.TO_CHANGE: Style.TITLE,
-    DeviceEnd.DECLARED: Style.WARNING,
-    DeviceEnd.NOT_CHECKED: Style.WARNING,
-    DeviceEnd.UNKNOWN: Style.WARNING,
+    DeviceEnd.CHANGED: printable.Style.GOOD,
+    DeviceEnd.UNCHANGED: printable.Style.GOOD,
+    DeviceEnd.TO_CHANGE: printable.Style.TITLE,
+    DeviceEnd.DECLARED: printable.Style.WARNING,
+    DeviceEnd.NOT_CHECKED: printable.Style.WARNING,
+    DeviceEnd.UNKNOWN: printable.Style.WARNING,
 }
 
 
-def _note(label: str, message: str, column: int) -> Row:
+def _note(label: str, message: str, column: int) -> printable.Row:
     words = printable.below(translate(message), column)
-    style = Style.WARNING if message.startswith("WARN: ") else None
-    return (f"{'':<{column}}{translate(label)}: ", StyledText(words, style) if style is not None else words)
+    style = printable.Style.WARNING if message.startswith("WARN: ") else None
+    return (f"{'':<{column}}{translate(label)}: ", printable.StyledText(words, style) if style is not None else words)
 
 
 def _without_plan(result: Mapping[str, Any]) -> bool:
@@ -229,20 +228,20 @@ def _without_plan(result: Mapping[str, Any]) -> bool:
     return result["exit"] not in fine and result["status"] != "declared" and not result["diff"]
 
 
-def _plan(result: Mapping[str, Any]) -> Iterable[Row]:
+def _plan(result: Mapping[str, Any]) -> Iterable[printable.Row]:
     diff = result["diff"].rstrip().expandtabs()
     if diff and result["status"] != "declared":
         yield from map(_difference, diff.split("\n"))
     yield from _plan_cost(result)
 
 
-def _difference(line: str) -> Row:
+def _difference(line: str) -> printable.Row:
     """A line of a plan, green where something comes and red where something goes; `+` and `-` say it as well."""
-    style = {"+": Style.ADDITION, "-": Style.REMOVAL}.get(line[:1])
-    return StyledText(line, style) if style is not None else line
+    style = {"+": printable.Style.ADDITION, "-": printable.Style.REMOVAL}.get(line[:1])
+    return printable.StyledText(line, style) if style is not None else line
 
 
-def _plan_cost(result: Mapping[str, Any]) -> Iterable[Row]:
+def _plan_cost(result: Mapping[str, Any]) -> Iterable[printable.Row]:
     """How much would change on a device, what that costs, and what protects it meanwhile."""
     if result["status"] == "declared":
         yield f"  {translate(result['message'])}"

@@ -14,9 +14,9 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
+from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import WORST_FIRST, ExitCode
 from atlantis_netcfg.core.language import translate
-from atlantis_netcfg.core.printable import NARROW, Row, Style, StyledText
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -146,16 +146,16 @@ class Summary:
         """Devices that ended well and have a warning."""
         return [name for name, result in self.results.items() if _is_fine(result) and warnings(result)]
 
-    def rows_for_screen(self, width: int = NARROW) -> list[Row]:
+    def rows_for_screen(self, width: int = printable.NARROW) -> list[printable.Row]:
         """The lines, none longer than `width` columns as far as words allow, and eight of them where that is 80."""
         lines = self._rows(width, _REASON_LINES)
         return lines if len(lines) <= _LINES + 1 else self._rows(width, 1)
 
-    def _rows(self, width: int, most: int) -> list[Row]:
+    def _rows(self, width: int, most: int) -> list[printable.Row]:
         """`most`: lines of the reason, and of what to do."""
         style, mark = self._style()
         verdict = _wrap(f"{mark} {translate(self.verdict())}", width, len(mark) + 1)
-        lines: list[Row] = ["", *(StyledText(line, style) for line in verdict)]
+        lines: list[printable.Row] = ["", *(printable.StyledText(line, style) for line in verdict)]
         lines += _label_lines("devices", self._counts(), width)
         if self.purpose == "plan" and any(self.rows):
             add_count, change_count, remove_count = self.rows
@@ -235,16 +235,20 @@ class Summary:
         word, single, several = _BAD[worst]
         return word, single.format(device=devices[0]) if len(devices) == 1 else several.format(count=len(devices))
 
-    def _style(self) -> tuple[Style, str]:
+    def _style(self) -> tuple[printable.Style, str]:
         """Colour and symbol of the verdict: green only where every device was seen and none has a warning."""
         if self.exit is ExitCode.DONE and not self.stopped_by:
             whole = all(how in _ACTIVE_ENDS for how in self.endings.values())
-            return (Style.GOOD, "[OK]") if whole and not self.warned_devices else (Style.WARNING, "[!]")
+            return (
+                (printable.Style.GOOD, "[OK]")
+                if whole and not self.warned_devices
+                else (printable.Style.WARNING, "[!]")
+            )
         if self.exit is ExitCode.CHANGES:
-            return Style.TITLE, "[~]"
+            return printable.Style.TITLE, "[~]"
         if self.stopped_by and not self._worst():
-            return Style.WARNING, "[!]"
-        return (Style.WARNING, "[?]") if self.exit is ExitCode.UNKNOWN else (Style.BAD, "[FAIL]")
+            return printable.Style.WARNING, "[!]"
+        return (printable.Style.WARNING, "[?]") if self.exit is ExitCode.UNKNOWN else (printable.Style.BAD, "[FAIL]")
 
     def _counts(self) -> str:
         count_by_end = Counter(self.endings.values())
@@ -263,7 +267,7 @@ class Summary:
                     return name
         return ""
 
-    def _look_at(self, width: int, most: int) -> Iterator[Row]:
+    def _look_at(self, width: int, most: int) -> Iterator[printable.Row]:
         """The worst device with its reason and what to do about it; else the first warning, else who had no part."""
         name = self._worst()
         if name:
@@ -310,7 +314,7 @@ def _wrap(text: str, width: int, indent: int) -> list[str]:
     ) or [""]
 
 
-def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[Row]:
+def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[printable.Row]:
     """Lines behind a label; of a reason only the first ones, the whole stands above."""
     room = max(width - _LABEL, 20)
     lines = _wrap(re.sub(r"\s+", " ", text).strip(), room, 0)
@@ -320,19 +324,19 @@ def _label_lines(label: str, text: str, width: int, most: int = 0) -> Iterator[R
         yield _label("" if place else label), line
 
 
-def _command(command: str) -> Row:
+def _command(command: str) -> printable.Row:
     """What to type next, on one line however long it is: a command with a line end in it cannot be copied."""
     return _label("next"), command
 
 
-def _label(label: str) -> StyledText:
-    return StyledText(f"{translate(label) if label else '':<{_LABEL - 1}} ", Style.QUIET)
+def _label(label: str) -> printable.StyledText:
+    return printable.StyledText(f"{translate(label) if label else '':<{_LABEL - 1}} ", printable.Style.QUIET)
 
 
 _COMMAND = re.compile(r"(?:`|:\s+)(provision [a-z][^`\n]*?)(?=`|$)")
 
 
-def _advice(hint: str, width: int, most: int) -> Iterator[Row]:
+def _advice(hint: str, width: int, most: int) -> Iterator[printable.Row]:
     """What to do; a command in it that would be cut off stands on a line of its own, so that it can be typed."""
     text = re.sub(r"\s+", " ", hint).strip()
     command = _COMMAND.search(text)

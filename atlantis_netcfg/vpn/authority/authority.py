@@ -13,10 +13,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Literal
 
+from atlantis_netcfg import runs
 from atlantis_netcfg.core.errors import NetcfgError, UsageError
 from atlantis_netcfg.core.paths import hold_own
 from atlantis_netcfg.core.secret import Secret
-from atlantis_netcfg.runs import LockHolder, sync_directory, write_atomically
 from atlantis_netcfg.vpn import ledger, pki
 from atlantis_netcfg.vpn.authority import model
 from atlantis_netcfg.vpn.authority.check import Agreement, agreement, problems
@@ -33,13 +33,6 @@ from atlantis_netcfg.vpn.authority.ledger_session import (
     sign_crl,
     sign_head,
 )
-from atlantis_netcfg.vpn.authority.model import (
-    CorruptAuthorityError,
-    Lock,
-    NoAuthority,
-    SessionObservation,
-    os_errors_as,
-)
 from atlantis_netcfg.vpn.authority.signer import Signer
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, records
 from atlantis_netcfg.vpn.ledger.records import FoundingRecord, ResealRecord
@@ -48,8 +41,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from atlantis_netcfg.vpn.authority.model import HandoutFile, ServerNames
-    from atlantis_netcfg.vpn.identity import Certificate, Member, MembershipList
+    from atlantis_netcfg.vpn import identity
 
 
 Sealing = Literal["age", "vault"]
@@ -65,32 +57,32 @@ def is_complete(folder: Path) -> bool:
 def require_authority(folder: Path) -> None:
     """Raise NoAuthority, or AuthorityDamaged where only the ledger is missing."""
     if is_complete(folder):
-        with os_errors_as("the authority cannot be read"):
+        with model.os_errors_as("the authority cannot be read"):
             hold_own(folder, _OWN_FOLDER_HINT)
         return
     _check_leftovers(folder)
-    raise NoAuthority(
+    raise model.NoAuthority(
         f"there is no authority in {folder}", hint="`provision vpn init` makes one; `authority=DIR` names it"
     )
 
 
 def prepare_folder(folder: Path) -> None:
     """Make the folder, for its owner alone."""
-    with os_errors_as("there is no place for the authority"):
+    with model.os_errors_as("there is no place for the authority"):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         hold_own(folder, _OWN_FOLDER_HINT)
-        sync_directory(folder.parent)
+        runs.sync_directory(folder.parent)
         if folder.stat().st_mode & 0o077:
             folder.chmod(0o700)
 
 
-def init_authority(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
+def init_authority(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
     """Make it, under the lock; nothing if it is there. Raises UsageError if it is there for other names."""
     if is_complete(folder):
         _same_names(folder, names)
     else:
         _make(folder, passphrase, names, who, sealing)
-    with os_errors_as("the authority cannot be completed"):
+    with model.os_errors_as("the authority cannot be completed"):
         model.forget(folder / UNFINISHED_MARK)
         model.sweep(folder)
 
@@ -101,7 +93,7 @@ def seal_ca_key(key: Secret, passphrase: Secret, sealing: Sealing) -> bytes:
     return encrypt(key.reveal().encode(), passphrase)
 
 
-def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealing: Sealing) -> None:
+def _make(folder: Path, passphrase: Secret, names: model.ServerNames, who: str, sealing: Sealing) -> None:
     _check_leftovers(folder)
     now = ledger.utc_now()
     # Each authority has a name of its own: OpenVPN takes a list of another CA of the same name with a mere warning.
@@ -126,20 +118,20 @@ def _make(folder: Path, passphrase: Secret, names: ServerNames, who: str, sealin
     lines = ledger.first_lines([founding_record, server_record, crl_record], who, new_operation(), now)
     digests = [ledger.digest(line) for line in lines.splitlines()]
     files[HEAD_FILE] = new_head(ca, len(digests), digests[-1], now)
-    with os_errors_as("the authority cannot be made"):
-        write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
+    with model.os_errors_as("the authority cannot be made"):
+        runs.write_atomically(folder / UNFINISHED_MARK, b"provision vpn init was not completed here: run it again\n")
         for other in model.SEALED_KEY_FILES.values():
             (folder / other).unlink(missing_ok=True)
         model.folders(folder)
         for name, data in files.items():
-            write_atomically(folder / name, data)
-        write_atomically(folder / ledger.FILE, lines)
+            runs.write_atomically(folder / name, data)
+        runs.write_atomically(folder / ledger.FILE, lines)
 
 
 def _check_leftovers(folder: Path) -> None:
     """Raise AuthorityDamaged if what is there is not what a killed `init` left."""
     if not (folder / UNFINISHED_MARK).exists() and (leftovers := _remains(folder)):
-        raise CorruptAuthorityError(
+        raise model.CorruptAuthorityError(
             f"{folder} has {leftovers}, but not the ledger: nothing can be issued or revoked without it",
             hint=f"restore {ledger.FILE} from your backup of the authority",
         )
@@ -152,7 +144,7 @@ def _remains(folder: Path) -> str | None:
     return ", ".join(present_names) or None
 
 
-def _same_names(folder: Path, names: ServerNames) -> None:
+def _same_names(folder: Path, names: model.ServerNames) -> None:
     server = ledger.LedgerState(ledger.read(folder / ledger.FILE).sound().entries).server
     if server is None or names_of(server) != names:
         server_text = "nothing" if server is None else ", ".join((*server.dns, *map(str, server.addresses)))
@@ -165,7 +157,7 @@ def _same_names(folder: Path, names: ServerNames) -> None:
 def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
     """The CA with its key. Raises NoAuthority, WrongPassphrase, SealDamaged, AuthorityDamaged."""
     require_authority(folder)
-    with os_errors_as("the certificate authority cannot be read"):
+    with model.os_errors_as("the certificate authority cannot be read"):
         certificate = (folder / model.CA).read_text(encoding="ascii")
         sealed_files = {
             sealing: (folder / name).read_bytes()
@@ -173,7 +165,7 @@ def unseal_ca(folder: Path, passphrase: Secret) -> pki.Ca:
             if (folder / name).exists()
         }
     if not sealed_files:
-        raise CorruptAuthorityError(
+        raise model.CorruptAuthorityError(
             f"the CA key is missing in {folder}", hint="restore it from a backup of the authority"
         )
     wrong: Exception | None = None
@@ -204,8 +196,8 @@ def reseal_ca(
     read_head(folder, ca.certificate, ledger_session.state).hold(ledger_session.digests)
     data = seal_ca_key(pki.key_pem(ca.key), new, sealing)
     ledger_session.write([ResealRecord(sealed_by=sealing)], new_operation())
-    with os_errors_as("the CA key cannot be written"):
-        write_atomically(folder / model.SEALED_KEY_FILES[sealing], data)
+    with model.os_errors_as("the CA key cannot be written"):
+        runs.write_atomically(folder / model.SEALED_KEY_FILES[sealing], data)
         for other, name in model.SEALED_KEY_FILES.items():
             if other != sealing:
                 model.forget(folder / name)
@@ -217,7 +209,7 @@ _DAY = timedelta(days=1)
 
 def observe_sessions(
     state: LedgerState, sightings: Mapping[str, datetime]
-) -> tuple[list[records.Record], SessionObservation]:
+) -> tuple[list[records.Record], model.SessionObservation]:
     """What is new, as records, and what it means."""
     members = {state.issued[name].name: None for name in sightings if name in state.issued}
     new: list[records.Record] = []
@@ -232,10 +224,10 @@ def observe_sessions(
         )
     superseded_names = tuple(item.common_name for item in new if isinstance(item, records.SupersedeRecord))
     strangers = tuple(name for name in sightings if name not in state.issued)
-    return new, SessionObservation(superseded_names, strangers, tuple(withdrawn))
+    return new, model.SessionObservation(superseded_names, strangers, tuple(withdrawn))
 
 
-def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
+def _of_member(member: identity.Member, sightings: Mapping[str, datetime]) -> Iterator[records.Record]:
     good = member.good
     for item in good:
         last = sightings.get(item.common_name)
@@ -250,7 +242,7 @@ def _of_member(member: Member, sightings: Mapping[str, datetime]) -> Iterator[re
         yield records.SupersedeRecord(common_name=old.common_name, by=good[max(in_use)].common_name)
 
 
-def _after_its_end(certificate: Certificate, last: datetime | None) -> bool:
+def _after_its_end(certificate: identity.Certificate, last: datetime | None) -> bool:
     return last is not None and certificate.revoked is not None and last > certificate.revoked
 
 
@@ -267,7 +259,7 @@ class Authority:
 
     @classmethod
     def init(
-        cls, folder: Path, passphrase: Secret, server_names: ServerNames, who: str, sealed_by: Sealing = "age"
+        cls, folder: Path, passphrase: Secret, server_names: model.ServerNames, who: str, sealed_by: Sealing = "age"
     ) -> Authority:
         """Found an authority: CA, server certificate, tls-crypt keys, an empty list.
 
@@ -275,7 +267,7 @@ class Authority:
         founded with the same names, else UsageError.
         """
         prepare_folder(folder)
-        with Lock(folder, who):
+        with model.Lock(folder, who):
             init_authority(folder, passphrase, server_names, who, sealed_by)
         return cls(folder)
 
@@ -285,7 +277,7 @@ class Authority:
         require_authority(folder)
         return cls(folder)
 
-    def membership(self) -> MembershipList:
+    def membership(self) -> identity.MembershipList:
         """Who is in the VPN. Raises LedgerDamaged."""
         return self._state().membership()
 
@@ -293,16 +285,16 @@ class Authority:
         """Every entry of the ledger, oldest first. Raises LedgerDamaged."""
         return ledger.read(self.folder / ledger.FILE).sound().entries
 
-    def server(self) -> ServerNames:
+    def server(self) -> model.ServerNames:
         """What the server's certificate is made out to. Raises LedgerDamaged."""
         server = self._state().server
         if server is None:
-            raise CorruptAuthorityError("the ledger names no server", hint="restore the ledger from a backup")
+            raise model.CorruptAuthorityError("the ledger names no server", hint="restore the ledger from a backup")
         return names_of(server)
 
     def opening_bytes(self) -> int:
         """Memory that opening the CA key takes; 0: none to speak of."""
-        with os_errors_as("the CA key cannot be read"):
+        with model.os_errors_as("the CA key cannot be read"):
             path = self.folder / model.SEALED_KEY_FILES["age"]
             return pki.opening_bytes(path.read_bytes()) if path.exists() else 0
 
@@ -315,12 +307,12 @@ class Authority:
 
         Raises CrlRefused if no server may have it, AuthorityDamaged if it is not the one that the record names.
         """
-        with os_errors_as("the revocation list cannot be read"):
+        with model.os_errors_as("the revocation list cannot be read"):
             pem = (self.folder / model.CRL).read_bytes()
             ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         facts = pki.check_crl(pem, ca, above=None, now=ledger.utc_now())
         if facts.sha256 != self.membership().crl_sha256:
-            raise CorruptAuthorityError(
+            raise model.CorruptAuthorityError(
                 f"{model.CRL} (number {facts.number}) is not the list that was recorded last",
                 hint="`provision vpn sync --sign` signs a new one",
             )
@@ -328,7 +320,7 @@ class Authority:
 
     def beyond(self, pem: bytes) -> str | None:
         """What a list that a server has says beyond this record, in words; None: nothing, or it is not of this CA."""
-        with os_errors_as("the certificate authority cannot be read"):
+        with model.os_errors_as("the certificate authority cannot be read"):
             ca = pki.load_cert((self.folder / model.CA).read_text(encoding="ascii"))
         return beyond_record(self.folder, self._state(), ca, pem)
 
@@ -368,7 +360,7 @@ class Authority:
             if ledger_session.state.founded is None or ledger_session.state.founded.ca_sha256 != pki.sha256(
                 ca.certificate
             ):
-                raise CorruptAuthorityError(
+                raise model.CorruptAuthorityError(
                     f"{model.CA} is not the certificate authority of the ledger",
                     hint="restore both from the same backup of the authority",
                 )
@@ -389,10 +381,10 @@ class Authority:
     def _writing(self, who: str, waiting: Callable[[str], None] | None = None) -> Iterator[tuple[LedgerSession, bool]]:
         require_authority(self.folder)
         with ExitStack() as exit_stack:
-            lock = exit_stack.enter_context(Lock(self.folder, who or _me(), waiting))
+            lock = exit_stack.enter_context(model.Lock(self.folder, who or _me(), waiting))
             yield exit_stack.enter_context(LedgerSession(self.folder, who or _me())), lock.left
 
-    def record_sessions(self, sightings: Mapping[str, datetime], who: str = "") -> SessionObservation:
+    def record_sessions(self, sightings: Mapping[str, datetime], who: str = "") -> model.SessionObservation:
         """Record which common names the server had sessions of, and when last; an older certificate is superseded.
 
         Recorded is what was not seen before, and a later time when a day has passed: the server keeps the exact ones.
@@ -413,7 +405,7 @@ class Authority:
             out = [entry for entry in ledger_session.state.membership().queued_names if entry in name_set]
             ledger_session.write([records.SettlementRecord(common_name=item) for item in out], new_operation())
 
-    def record_delivery(self, common_name: str, file: HandoutFile, who: str = "") -> None:
+    def record_delivery(self, common_name: str, file: model.HandoutFile, who: str = "") -> None:
         """Record that a member's file was made out or handed over once more. Raises UsageError for a revoked one."""
         with self._writing(who) as (ledger_session, _):
             good = {
@@ -440,5 +432,5 @@ class Authority:
 
 
 def _me() -> str:
-    holder = LockHolder.me("")
+    holder = runs.LockHolder.me("")
     return f"{holder.user}@{holder.host}"

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.vpn import ledger, pki
-from atlantis_netcfg.vpn.authority import model
-from atlantis_netcfg.vpn.authority.ledger_session import NONE_SIGNED, Head, read_head, revoked_serials
+from atlantis_netcfg.vpn.authority import ledger_session, model
 from atlantis_netcfg.vpn.authority.model import is_held, os_errors_as
 from atlantis_netcfg.vpn.ledger import LedgerEntry, LedgerState, Reading, records
 
@@ -65,7 +64,7 @@ def agreement(folder: Path) -> Agreement:
         reading, state, ca = _load_authority(folder)
     reading.sound()
     head = _head(folder, reading, state, ca)
-    signed_lines, at = (head.line, head.at) if isinstance(head, Head) and head.line else (0, None)
+    signed_lines, at = (head.line, head.at) if isinstance(head, ledger_session.Head) and head.line else (0, None)
     problem_list = tuple(_disagreements(folder, reading, state, ca, head))
     return Agreement(len(reading.entries), signed_lines, at, state.membership().crl_number, problem_list)
 
@@ -79,12 +78,14 @@ def _is_of_ledger(state: LedgerState, ca: x509.Certificate) -> bool:
     return state.founded is not None and state.founded.ca_sha256 == pki.sha256(ca)
 
 
-def _head(folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate) -> Head | NetcfgError | None:
+def _head(
+    folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate
+) -> ledger_session.Head | NetcfgError | None:
     """What was signed last, or what is wrong with it; None: the ledger is damaged, or nobody's key can confirm it."""
     if reading.damage is not None or not _is_of_ledger(state, ca):
         return None
     try:
-        head = read_head(folder, ca, state)
+        head = ledger_session.read_head(folder, ca, state)
         head.hold(reading.digests)
     except NetcfgError as error:
         return error
@@ -92,7 +93,11 @@ def _head(folder: Path, reading: Reading, state: LedgerState, ca: x509.Certifica
 
 
 def _disagreements(
-    folder: Path, reading: Reading, state: LedgerState, ca: x509.Certificate, head: Head | NetcfgError | None
+    folder: Path,
+    reading: Reading,
+    state: LedgerState,
+    ca: x509.Certificate,
+    head: ledger_session.Head | NetcfgError | None,
 ) -> Iterator[str]:
     """What the ledger says that its head, the certificates, the list do not say, and the other way round."""
     if not _is_of_ledger(state, ca):
@@ -101,7 +106,7 @@ def _disagreements(
     if isinstance(head, NetcfgError):
         yield str(head)
     elif head is not None and head.line == 0:
-        yield NONE_SIGNED
+        yield ledger_session.NONE_SIGNED
     elif head is not None:
         yield from _check_unsigned_lines(folder, reading, state, head)
     yield from _check_unfinished(folder, state)
@@ -112,7 +117,9 @@ def _disagreements(
     yield from _list(folder, state, ca)
 
 
-def _check_unsigned_lines(folder: Path, reading: Reading, state: LedgerState, head: Head) -> Iterator[str]:
+def _check_unsigned_lines(
+    folder: Path, reading: Reading, state: LedgerState, head: ledger_session.Head
+) -> Iterator[str]:
     """Lines after the head that only a command with the CA key writes."""
     # A command that runs, or was killed, has lines of its own there.
     if state.open or is_held(folder):
@@ -211,7 +218,7 @@ def _list(folder: Path, state: LedgerState, ca: x509.Certificate) -> Iterator[st
             f"{model.CRL} (number {facts.number}) is not the list that was recorded last "
             f"(number {membership.crl_number})"
         )
-    serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)}
+    serials = {revoked_serial.serial for revoked_serial in ledger_session.revoked_serials(state)}
     for serial in sorted(serials - facts.serials):
         yield f"{model.CRL} lacks serial {serial:x}, which is revoked: provision vpn sync --sign"
     for more in sorted(facts.serials - serials):

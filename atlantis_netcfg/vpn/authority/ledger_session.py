@@ -14,30 +14,17 @@ from cryptography.exceptions import UnsupportedAlgorithm
 
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.runs import write_atomically
-from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn import identity, pki
 from atlantis_netcfg.vpn.authority import model
-from atlantis_netcfg.vpn.authority.model import ClockBehind, CorruptAuthorityError, ServerNames, os_errors_as
-from atlantis_netcfg.vpn.identity import KeyType, Wrap
 from atlantis_netcfg.vpn.ledger import FILE, Ledger, LedgerState, Record, utc_now
 from atlantis_netcfg.vpn.ledger.records import (
     BeginRecord,
     ClockTrustRecord,
     CommitRecord,
+    PublicationRecord,
     RolledBack,
     ServerIssueRecord,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cryptography import x509
-
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.vpn.authority.model import CRL
-from atlantis_netcfg.vpn.identity import CertificateStatus
-from atlantis_netcfg.vpn.ledger.records import PublicationRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -79,7 +66,7 @@ class LedgerSession:
         if last is None or now >= last - SLACK:
             return
         if not is_trusted:
-            raise ClockBehind(
+            raise model.ClockBehind(
                 f"this computer's clock says {now:%Y-%m-%d %H:%M} UTC, and the last record of the authority is of "
                 f"{last:%Y-%m-%d %H:%M} UTC: what is signed now could be refused, or end too early",
                 hint="set the clock, then run the same command again; if the clock is right and was wrong before: "
@@ -140,13 +127,13 @@ class Head:
         """Raise AuthorityDamaged unless these lines begin with those that were signed."""
         on = f"{self.at:%Y-%m-%d %H:%M} UTC"
         if len(digests) < self.line:
-            raise CorruptAuthorityError(
+            raise model.CorruptAuthorityError(
                 f"the ledger has {len(digests)} lines, and {self.line} were signed on {on}: its end is missing, or it "
                 "is an old copy",
                 hint=_RESTORE,
             )
         if self.line and digests[self.line - 1] != self.digest:
-            raise CorruptAuthorityError(
+            raise model.CorruptAuthorityError(
                 f"the first {self.line} lines of the ledger are not those that were signed on {on}", hint=_RESTORE
             )
 
@@ -165,19 +152,19 @@ def sign_head(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> None:
     """Sign the last line, unless that was done. Raises AuthorityFailed."""
     line = len(ledger_session.digests)
     if read_head(folder, ca.certificate, ledger_session.state).line < line:
-        with os_errors_as("the head of the record cannot be written"):
+        with model.os_errors_as("the head of the record cannot be written"):
             write_atomically(folder / HEAD_FILE, new_head(ca, line, ledger_session.digests[-1], ledger_session.now()))
 
 
 def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
     """The head of a folder; of no line where an older version founded it. Raises AuthorityDamaged, AuthorityFailed."""
-    with os_errors_as("the head of the record cannot be read"):
+    with model.os_errors_as("the head of the record cannot be read"):
         try:
             data = (folder / HEAD_FILE).read_bytes()
         except FileNotFoundError:
             if state.founded is not None and not state.founded.heads:
                 return _NONE
-            raise CorruptAuthorityError(
+            raise model.CorruptAuthorityError(
                 f"{HEAD_FILE} is missing: nothing says how long the ledger was", hint=_RESTORE
             ) from None
     try:
@@ -190,7 +177,7 @@ def read_head(folder: Path, ca: x509.Certificate, state: LedgerState) -> Head:
     except (ValueError, KeyError, TypeError, AttributeError, UnsupportedAlgorithm):
         is_signed = False
     if not is_signed:
-        raise CorruptAuthorityError(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
+        raise model.CorruptAuthorityError(f"{HEAD_FILE} is not signed by this authority: it was changed", hint=_RESTORE)
     return head
 
 
@@ -202,9 +189,11 @@ SOON = timedelta(days=90)
 """With less than this until its end, whoever asks for a new one gets it."""
 
 
-def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tuple[dict[str, bytes], ServerIssueRecord]:
+def new_server_certificate(
+    ca: pki.Ca, names: model.ServerNames, now: datetime
+) -> tuple[dict[str, bytes], ServerIssueRecord]:
     """A key and a certificate as files, and their record."""
-    key = pki.new_key(KeyType.EC)
+    key = pki.new_key(identity.KeyType.EC)
     certificate = pki.new_server(
         ca, key.public_key(), names.common_name, names.dns, names.addresses, pki.new_serial(), now
     )
@@ -224,12 +213,12 @@ def new_server_certificate(ca: pki.Ca, names: ServerNames, now: datetime) -> tup
     return files, record
 
 
-def names_of(record: ServerIssueRecord) -> ServerNames:
+def names_of(record: ServerIssueRecord) -> model.ServerNames:
     """The names that it is issued for."""
-    return ServerNames(record.common_name, record.dns, record.addresses)
+    return model.ServerNames(record.common_name, record.dns, record.addresses)
 
 
-def needs_another(record: ServerIssueRecord | None, names: ServerNames, now: datetime) -> bool:
+def needs_another(record: ServerIssueRecord | None, names: model.ServerNames, now: datetime) -> bool:
     """Whether the one that is recorded is for other names, or ends soon."""
     return record is None or names_of(record) != names or record.not_after - now < SOON
 
@@ -260,9 +249,9 @@ class SigningSession:
         """The CA's certificate."""
         return pki.cert_pem(self.ca.certificate)
 
-    def wrap_key(self, wrap: Wrap, common_name: str) -> Secret:
+    def wrap_key(self, wrap: identity.Wrap, common_name: str) -> Secret:
         """Key of a member's control channel."""
-        if wrap is Wrap.TLS_CRYPT:
+        if wrap is identity.Wrap.TLS_CRYPT:
             return self._shared_key
         return pki.client_key(self._server, f"cn={common_name}".encode())
 
@@ -270,12 +259,12 @@ class SigningSession:
         """Put a list in place that says what the record says, and what a list says that is taken over."""
         return publish_crl(self.folder, self.ledger, self.ca, operation, also)
 
-    def serve(self, names: ServerNames) -> None:
+    def serve(self, names: model.ServerNames) -> None:
         """Make the server a new key and certificate."""
         operation = new_operation()
         files, record = new_server_certificate(self.ca, names, self.ledger.now())
         self.ledger.write([BeginRecord(command="serve"), record], operation)
-        with os_errors_as("the server's certificate cannot be written"):
+        with model.os_errors_as("the server's certificate cannot be written"):
             for name, data in files.items():
                 write_atomically(self.folder / name, data)
         self.ledger.write([CommitRecord()], operation)
@@ -285,7 +274,7 @@ class SigningSession:
 
         What is wrong is found by looking, not by remembering: this may be killed as well.
         """
-        with os_errors_as("the authority cannot be put in order"):
+        with model.os_errors_as("the authority cannot be put in order"):
             if was_killed or self.ledger.state.open:
                 model.sweep(self.folder)
             model.folders(self.folder)
@@ -314,7 +303,7 @@ class SigningSession:
         return self._secret(model.TLS_CRYPT)
 
     def _secret(self, name: str) -> Secret:
-        with os_errors_as("a key of the server cannot be read"):
+        with model.os_errors_as("a key of the server cannot be read"):
             return Secret((self.folder / name).read_text(encoding="ascii"))
 
 
@@ -331,7 +320,7 @@ def revoked_serials(state: LedgerState) -> list[pki.RevokedSerial]:
     ours = (
         pki.RevokedSerial(certificate.serial, certificate.revoked)
         for _, certificate in state.membership().certificates()
-        if certificate.standing is CertificateStatus.REVOKED and certificate.revoked is not None
+        if certificate.standing is identity.CertificateStatus.REVOKED and certificate.revoked is not None
     )
     return [*ours, *(pki.RevokedSerial(serial, at) for serial, at in state.taken.items())]
 
@@ -351,7 +340,7 @@ def publish_crl(
     folder: Path, ledger_session: LedgerSession, ca: pki.Ca, operation: str, also: pki.CrlFacts | None = None
 ) -> bytes:
     """Sign the list of the record's state, record it, and put it in place; PEM. `also`: a list that is taken over."""
-    path, membership, now = folder / CRL, ledger_session.state.membership(), ledger_session.now()
+    path, membership, now = folder / model.CRL, ledger_session.state.membership(), ledger_session.now()
     before = [entry for entry in (_in_place(path, ca.certificate), also) if entry is not None]
     above = max(membership.crl_number, *(crl_facts.number for crl_facts in before), 0)
     lines = {revoked_serial.serial: revoked_serial for revoked_serial in revoked_serials(ledger_session.state)}
@@ -361,7 +350,7 @@ def publish_crl(
     }
     pem, record = sign_crl(ca, (earlier_serials | lines).values(), above + 1, now)
     ledger_session.write([record], operation)
-    with os_errors_as("the revocation list cannot be written"):
+    with model.os_errors_as("the revocation list cannot be written"):
         pki.publish(path, pem, ca.certificate, above=above, now=now)
     return pem
 
@@ -370,7 +359,7 @@ def is_crl_due(folder: Path, ledger_session: LedgerSession, ca: pki.Ca) -> bool:
     """Whether the list in place is not the one that the record asks for, or is getting old."""
     membership, now = ledger_session.state.membership(), ledger_session.now()
     try:
-        facts = pki.check_crl((folder / CRL).read_bytes(), ca.certificate, above=None, now=now)
+        facts = pki.check_crl((folder / model.CRL).read_bytes(), ca.certificate, above=None, now=now)
     except (OSError, pki.InvalidCrlError):
         return True
     serials = frozenset(revoked_serial.serial for revoked_serial in revoked_serials(ledger_session.state))
@@ -383,7 +372,7 @@ def beyond_record(folder: Path, state: LedgerState, ca: x509.Certificate, pem: b
         there = pki.read_crl(pem, ca)
     except pki.InvalidCrlError:
         return None
-    membership, here = state.membership(), _in_place(folder / CRL, ca)
+    membership, here = state.membership(), _in_place(folder / model.CRL, ca)
     known_serials = {revoked_serial.serial for revoked_serial in revoked_serials(state)} | (
         here.serials if here is not None else frozenset()
     )

@@ -15,10 +15,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Self
 
-from atlantis_netcfg.core.atomic_files import DRAFT, open_lock, sync_directory, write_atomically
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core import atomic_files, errors
 from atlantis_netcfg.runs import LockHolder
-from atlantis_netcfg.vpn.identity import Certificate, ClientSystem, KeyType, Member, MemberKind, MemberLink, Wrap
+from atlantis_netcfg.vpn import identity
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -48,20 +47,20 @@ class EnrolmentRequest:
 
     name: str
     """`names.member_name(partner, device)`, or the name of a declared host (then `partner` is None)."""
-    kind: MemberKind
+    kind: identity.MemberKind
     partner: str | None
     device: str
     address: IPv4Address | None = None
     """Declared address; None: the next free one of `pool`."""
     pool: IPv4Network | None = None
     """Where the address must lie."""
-    link: MemberLink = MemberLink.FIBRE
+    link: identity.MemberLink = identity.MemberLink.FIBRE
     vehicle: str | None = None
-    wrap: Wrap = Wrap.TLS_CRYPT_V2
-    key: KeyType = KeyType.EC
+    wrap: identity.Wrap = identity.Wrap.TLS_CRYPT_V2
+    key: identity.KeyType = identity.KeyType.EC
     days: int = CLIENT_DAYS
     """How long the certificate is good for."""
-    system: ClientSystem | None = None
+    system: identity.ClientSystem | None = None
     distribution: RosDistribution | None = None
     request_id: str = ""
     """Recorded beside the certificate: whose request it answers."""
@@ -73,10 +72,10 @@ class RenewalRequest:
 
     days: int | None = None
     """How long the successor is good for; None: a year and a month."""
-    wrap: Wrap | None = None
-    key: KeyType | None = None
-    link: MemberLink | None = None
-    system: ClientSystem | None = None
+    wrap: identity.Wrap | None = None
+    key: identity.KeyType | None = None
+    link: identity.MemberLink | None = None
+    system: identity.ClientSystem | None = None
     distribution: RosDistribution | None = None
     request_id: str = ""
 
@@ -93,8 +92,8 @@ class HandoutFile:
 class IssueResult:
     """A member with its newest certificate."""
 
-    member: Member
-    certificate: Certificate
+    member: identity.Member
+    certificate: identity.Certificate
     file: HandoutFile
     already: bool = False
     """It was so before: nothing new was made."""
@@ -127,48 +126,48 @@ class SessionObservation:
     """Common names that were seen after they were revoked or superseded."""
 
 
-class NoAuthority(UsageError):
+class NoAuthority(errors.UsageError):
     """There is no authority in the folder."""
 
 
-class NoSuchMember(UsageError, LookupError):
+class NoSuchMember(errors.UsageError, LookupError):
     """There is no member of this name."""
 
 
-class OtherMember(UsageError):
+class OtherMember(errors.UsageError):
     """A member of this name exists and differs from the request."""
 
 
-class AddressTaken(UsageError):
+class AddressTaken(errors.UsageError):
     """The address is in use, or cannot be given to a member."""
 
 
-class PoolFull(UsageError):
+class PoolFull(errors.UsageError):
     """Every address of the pool is in use."""
 
 
-class AuthorityBusy(NetcfgError):
+class AuthorityBusy(errors.NetcfgError):
     """Somebody else works on the authority, and did not end in time. Nothing was changed."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class AuthorityError(NetcfgError):
+class AuthorityError(errors.NetcfgError):
     """A file could not be written: what is recorded stands, and the same command again goes on from there."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class CorruptAuthorityError(NetcfgError):
+class CorruptAuthorityError(errors.NetcfgError):
     """The folder is not what its record says: nothing is signed before a person has looked."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class ClockBehind(NetcfgError):
+class ClockBehind(errors.NetcfgError):
     """This computer's clock stands before the last record: what it would sign might not be valid, or end too early."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
 @contextmanager
@@ -214,20 +213,20 @@ def restore_copies(folder: Path, records: Iterable[IssueRecord]) -> None:
         data = copy_of(item)
         if _read(path) != data:
             # Nothing waits for the disk: what a power cut takes is made again from the ledger.
-            write_atomically(path, data, durable=False)
+            atomic_files.write_atomically(path, data, durable=False)
 
 
 def sweep(folder: Path) -> None:
     """Remove what killed commands had not put in place: it may be half a file, or hold a key."""
     for path in folder.rglob(".*"):
-        if DRAFT.fullmatch(path.name) and not path.is_dir():
+        if atomic_files.DRAFT.fullmatch(path.name) and not path.is_dir():
             path.unlink(missing_ok=True)
 
 
 def forget(path: Path) -> None:
     """Remove a file for good."""
     path.unlink(missing_ok=True)
-    sync_directory(path.parent)
+    atomic_files.sync_directory(path.parent)
 
 
 def _read(path: Path) -> bytes | None:
@@ -256,7 +255,7 @@ class Lock:
 
     def __enter__(self) -> Self:
         with os_errors_as("the authority cannot be locked"):
-            self._descriptor = open_lock(self._path)
+            self._descriptor = atomic_files.open_lock(self._path)
             try:
                 self._wait()
                 self.left = os.fstat(self._descriptor).st_size > 0

@@ -15,26 +15,9 @@ from typing import TYPE_CHECKING
 
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from atlantis_netcfg.core.errors import NetcfgError, UsageError, nearest
-from atlantis_netcfg.vpn import names, pki
-from atlantis_netcfg.vpn.authority import model
-from atlantis_netcfg.vpn.authority.ledger_session import SigningSession, needs_another, new_operation
-from atlantis_netcfg.vpn.authority.model import (
-    CLIENT_DAYS,
-    CRL,
-    AddressTaken,
-    EnrolmentRequest,
-    HandoutFile,
-    IssueResult,
-    NoSuchMember,
-    OtherMember,
-    PoolFull,
-    RenewalRequest,
-    RevocationResult,
-    ServerNames,
-    os_errors_as,
-)
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Identity, KeyType, Member, MembershipList, Wrap
+from atlantis_netcfg.core import errors
+from atlantis_netcfg.vpn import identity, names, pki
+from atlantis_netcfg.vpn.authority import ledger_session, model
 from atlantis_netcfg.vpn.ledger import NEVER_HANDED_OUT, records
 
 if TYPE_CHECKING:
@@ -56,7 +39,7 @@ class AddressPool:
     left, the one that rests longest first, and never before the server has confirmed that the member is out.
     """
 
-    def __init__(self, membership: MembershipList, reserved_addresses: Collection[IPv4Address] = ()) -> None:
+    def __init__(self, membership: identity.MembershipList, reserved_addresses: Collection[IPv4Address] = ()) -> None:
         queued_names = set(membership.queued_names)
         self._used: dict[IPv4Address, str] = dict.fromkeys(reserved_addresses, "the declaration")
         self._resting: dict[IPv4Address, datetime] = {}
@@ -68,7 +51,7 @@ class AddressPool:
                 self._resting[member.address] = max(since, self._resting.get(member.address, since))
         self._fresh: dict[IPv4Network, Iterator[IPv4Address]] = {}
 
-    def free(self, member: Member) -> None:
+    def free(self, member: identity.Member) -> None:
         """Let go of the address of a member that was never handed out: it may take the same, or another."""
         if self._used.get(member.address) == f"`{member.name}`":
             del self._used[member.address]
@@ -76,11 +59,13 @@ class AddressPool:
     def take(self, address: IPv4Address, pool: IPv4Network | None, name: str) -> IPv4Address:
         """A declared address. Raises AddressTaken."""
         if pool is not None and not _usable(address, pool):
-            raise AddressTaken(
+            raise model.AddressTaken(
                 f"{address} of `{name}` is no device's address of {pool}", hint=f"take one inside {pool}"
             )
         if (holder := self._used.get(address)) is not None:
-            raise AddressTaken(f"{address} of `{name}` is in use by {holder}", hint="name another address, or none")
+            raise model.AddressTaken(
+                f"{address} of `{name}` is in use by {holder}", hint="name another address, or none"
+            )
         self._used[address] = f"`{name}`"
         return address
 
@@ -91,7 +76,7 @@ class AddressPool:
                 return self.take(address, pool, name)
         resting_addresses = [item for item in self._resting if item not in self._used and _usable(item, pool)]
         if not resting_addresses:
-            raise PoolFull(
+            raise model.PoolFull(
                 f"no address is left for `{name}` in {pool}",
                 hint="declare a larger pool for the partner, or revoke devices that are no longer used",
             )
@@ -103,7 +88,7 @@ def _usable(address: IPv4Address, pool: IPv4Network) -> bool:
     return address in pool and address not in ends
 
 
-def _out_since(member: Member, queued_names: set[str]) -> datetime | None:
+def _out_since(member: identity.Member, queued_names: set[str]) -> datetime | None:
     """When the member was out, as the server confirmed; None while its address is not free."""
     when = [entry.revoked for entry in member.certificates if entry.revoked is not None]
     current = len(when) < len(member.certificates) or queued_names.intersection(
@@ -120,11 +105,11 @@ _TEXT = 200
 class PlannedCertificate:
     """One certificate that shall be made."""
 
-    member: Member
+    member: identity.Member
     """As it will be, its new certificate aside."""
     common_name: str
-    wrap: Wrap
-    key: KeyType
+    wrap: identity.Wrap
+    key: identity.KeyType
     days: int
     request_id: str = ""
     replaces: tuple[str, ...] = ()
@@ -132,8 +117,10 @@ class PlannedCertificate:
 
 
 def plan_issue(
-    membership: MembershipList, requests: Sequence[EnrolmentRequest], reserved_addresses: Collection[IPv4Address]
-) -> list[PlannedCertificate | Member]:
+    membership: identity.MembershipList,
+    requests: Sequence[model.EnrolmentRequest],
+    reserved_addresses: Collection[IPv4Address],
+) -> list[PlannedCertificate | identity.Member]:
     """What to make for each request, in their order; a Member where there is nothing to make. Raises UsageError."""
     addresses = AddressPool(membership, reserved_addresses)
     members = [_find_member(membership, request) for request in requests]
@@ -155,15 +142,17 @@ def plan_issue(
     ]
 
 
-def plan_renewal(member: Member, change: RenewalRequest) -> PlannedCertificate:
+def plan_renewal(member: identity.Member, change: model.RenewalRequest) -> PlannedCertificate:
     """The successor of a member's certificate. Raises UsageError."""
     if not member.good:
-        raise UsageError(
+        raise errors.UsageError(
             f"`{member.name}` was revoked: it gets no certificate any more",
             hint="onboard the device under another name",
         )
     newest = member.good[-1]
-    in_use = next((item for item in reversed(member.good) if item.standing is CertificateStatus.SEEN), member.good[0])
+    in_use = next(
+        (item for item in reversed(member.good) if item.standing is identity.CertificateStatus.SEEN), member.good[0]
+    )
     return PlannedCertificate(
         member=replace(
             member,
@@ -174,24 +163,24 @@ def plan_renewal(member: Member, change: RenewalRequest) -> PlannedCertificate:
         common_name=_next_name(member),
         wrap=newest.wrap if change.wrap is None else change.wrap,
         key=newest.key if change.key is None else change.key,
-        days=CLIENT_DAYS if change.days is None else change.days,
+        days=model.CLIENT_DAYS if change.days is None else change.days,
         request_id=printable_text(change.request_id, "the request's number"),
         replaces=tuple(certificate.common_name for certificate in member.good if certificate is not in_use),
     )
 
 
-def known_member(membership: MembershipList, name: str) -> Member:
+def known_member(membership: identity.MembershipList, name: str) -> identity.Member:
     """The member of that name. Raises NoSuchMember."""
     if (member := membership.members.get(name)) is not None:
         return member
-    near = nearest(name, membership.members)
-    raise NoSuchMember(
+    near = errors.nearest(name, membership.members)
+    raise model.NoSuchMember(
         f"the record has no member `{ascii(name)[1:-1][:60]}`",
         hint=f"did you mean `{near}`?" if near else "`provision vpn list` shows them all",
     )
 
 
-def _find_member(membership: MembershipList, request: EnrolmentRequest) -> Member | None:
+def _find_member(membership: identity.MembershipList, request: model.EnrolmentRequest) -> identity.Member | None:
     """The member that the request is about, if there is one."""
     _check(request)
     member = names.check_free(request.name, request.partner, request.device, membership)
@@ -207,7 +196,7 @@ def _find_member(membership: MembershipList, request: EnrolmentRequest) -> Membe
     return member
 
 
-def _check(request: EnrolmentRequest) -> None:
+def _check(request: model.EnrolmentRequest) -> None:
     if request.partner is None:
         names.check_name(request.name, "host")
         right = request.device
@@ -221,12 +210,12 @@ def _check(request: EnrolmentRequest) -> None:
         printable_text(request.vehicle, "the vehicle")
     printable_text(request.request_id, "the request's number")
     if request.address is None and request.pool is None:
-        raise UsageError(
+        raise errors.UsageError(
             f"`{request.name}` has neither an address nor a pool to take one from", hint="declare its pool"
         )
 
 
-def _same(request: EnrolmentRequest, member: Member) -> None:
+def _same(request: model.EnrolmentRequest, member: identity.Member) -> None:
     """Refuse a request that differs from the existing member of that name: nothing of it is changed in passing."""
     newest = member.good[-1]
     pairs = (
@@ -243,13 +232,13 @@ def _same(request: EnrolmentRequest, member: Member) -> None:
     if request.pool is not None and member.address not in request.pool:
         other.append(f"its address {member.address} is outside of {request.pool}")
     if other:
-        raise OtherMember(
+        raise model.OtherMember(
             f"`{member.name}` is in the VPN already, and otherwise: {'; '.join(other)}",
             hint=f"`provision vpn renew name={member.name}` changes link, wrap, key and system; else take another name",
         )
 
 
-def _fixed_address(request: EnrolmentRequest, member: Member | None) -> IPv4Address | None:
+def _fixed_address(request: model.EnrolmentRequest, member: identity.Member | None) -> IPv4Address | None:
     """The address that is not ours to choose: declared, or what a member got that was never handed out."""
     if member is None:
         return request.address
@@ -260,14 +249,17 @@ def _fixed_address(request: EnrolmentRequest, member: Member | None) -> IPv4Addr
 
 
 def _plan_certificate(
-    request: EnrolmentRequest, member: Member | None, address_by_name: dict[str, IPv4Address], addresses: AddressPool
+    request: model.EnrolmentRequest,
+    member: identity.Member | None,
+    address_by_name: dict[str, IPv4Address],
+    addresses: AddressPool,
 ) -> PlannedCertificate:
     address = address_by_name.get(request.name)
     if address is None:
         assert request.pool is not None  # noqa: S101 - _check has refused it
         address = addresses.give(request.pool, request.name)
     certificates = () if member is None else member.certificates
-    new_member = Member(
+    new_member = identity.Member(
         request.name,
         request.kind,
         request.partner,
@@ -284,22 +276,24 @@ def _plan_certificate(
     )
 
 
-def _next_name(member: Member) -> str:
+def _next_name(member: identity.Member) -> str:
     """A common name is never used twice, also where the one before was never handed out."""
-    used: tuple[Certificate, ...] = member.certificates
+    used: tuple[identity.Certificate, ...] = member.certificates
     return member.name if not used else f"{member.name}.{len(used) + 1}"
 
 
 def _refuse_repeated(request_names: list[str]) -> None:
     counts = Counter(request_names)
     if twice := next((name for name, count in counts.items() if count > 1), None):
-        raise UsageError(f"`{twice}` is listed twice", hint="leave one of them out")
+        raise errors.UsageError(f"`{twice}` is listed twice", hint="leave one of them out")
 
 
 def printable_text(message: str, what: str) -> str:
     """A person's words, as they may be printed. Raises UsageError."""
     if not message.isprintable() or len(message) > _TEXT:
-        raise UsageError(f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two")
+        raise errors.UsageError(
+            f"{what} is no short text in one line: {ascii(message)[:_TEXT]}", hint="write a word or two"
+        )
     return message
 
 
@@ -318,16 +312,16 @@ class _MadeCertificate:
 
 
 def hand_out(
-    session: SigningSession,
+    session: ledger_session.SigningSession,
     command: records.Command,
     plans: Sequence[PlannedCertificate],
-    deliver: Callable[[Identity], HandoutFile],
+    deliver: Callable[[identity.Identity], model.HandoutFile],
 ) -> None:
     """Make these certificates and hand them out; each is on disk in the ledger before `deliver` sees it.
 
     If anything fails, what was handed out stands, the rest is withdrawn, and the error goes on.
     """
-    operation = new_operation()
+    operation = ledger_session.new_operation()
     try:
         session.ledger.write([records.BeginRecord(command=command, names=_names(plans))], operation)
         for start in range(0, len(plans), BATCH):
@@ -338,7 +332,7 @@ def hand_out(
     except Exception:
         # Best effort, while the disk is as it is: the next command looks again.
         if session.ledger.usable:
-            with suppress(NetcfgError, OSError):
+            with suppress(errors.NetcfgError, OSError):
                 session.recover(was_killed=False)
         raise
 
@@ -348,19 +342,19 @@ def _names(plans: Sequence[PlannedCertificate]) -> tuple[str, ...]:
 
 
 def _batch(
-    session: SigningSession,
+    session: ledger_session.SigningSession,
     operation: str,
     plans: Sequence[PlannedCertificate],
-    deliver: Callable[[Identity], HandoutFile],
+    deliver: Callable[[identity.Identity], model.HandoutFile],
 ) -> None:
     certificates = [_make_certificate(session, item) for item in plans]
     session.ledger.write([entry.record for entry in certificates], operation)
     new_records: list[records.Record] = []
     try:
-        with os_errors_as("the certificates cannot be written"):
+        with model.os_errors_as("the certificates cannot be written"):
             model.restore_copies(session.folder, [item.record for item in certificates])
         for item in certificates:
-            with os_errors_as(f"what `{item.plan.member.name}` gets cannot be written"):
+            with model.os_errors_as(f"what `{item.plan.member.name}` gets cannot be written"):
                 file = deliver(_identity(session, item))
             new_records.extend(_handed_out(item.plan, file))
     finally:
@@ -368,13 +362,13 @@ def _batch(
             session.ledger.write(new_records, operation)
 
 
-def _handed_out(plan: PlannedCertificate, file: HandoutFile) -> Iterator[records.Record]:
+def _handed_out(plan: PlannedCertificate, file: model.HandoutFile) -> Iterator[records.Record]:
     yield records.DeliveryRecord(common_name=plan.common_name, path=file.path, sha256=file.sha256)
     for old in plan.replaces:
         yield records.RevocationRecord(common_name=old, reason=REPLACED_REASON)
 
 
-def _make_certificate(session: SigningSession, plan: PlannedCertificate) -> _MadeCertificate:
+def _make_certificate(session: ledger_session.SigningSession, plan: PlannedCertificate) -> _MadeCertificate:
     key = pki.new_key(plan.key)
     certificate = pki.new_client(
         session.ca, key.public_key(), plan.common_name, pki.new_serial(), plan.days, session.ledger.now()
@@ -403,9 +397,9 @@ def _make_certificate(session: SigningSession, plan: PlannedCertificate) -> _Mad
     return _MadeCertificate(plan, record, pki.key_pem(key))
 
 
-def _identity(session: SigningSession, new_certificate: _MadeCertificate) -> Identity:
+def _identity(session: ledger_session.SigningSession, new_certificate: _MadeCertificate) -> identity.Identity:
     record = new_certificate.record
-    certificate = Certificate(
+    certificate = identity.Certificate(
         common_name=record.common_name,
         serial=record.serial,
         sha256=record.sha256,
@@ -413,10 +407,10 @@ def _identity(session: SigningSession, new_certificate: _MadeCertificate) -> Ide
         not_after=record.not_after,
         wrap=record.wrap,
         key=record.key,
-        standing=CertificateStatus.ISSUED,
+        standing=identity.CertificateStatus.ISSUED,
     )
     before = new_certificate.plan.member
-    return Identity(
+    return identity.Identity(
         member=replace(before, certificates=(*before.certificates, certificate)),
         certificate=certificate,
         ca=session.ca_pem,
@@ -433,21 +427,21 @@ LOST_COPY_REASON = "revoked by the server's list, which a copy of the authority 
 class Signer:
     """Comes from `Authority.unlocked()`; valid inside that block only."""
 
-    def __init__(self, session: SigningSession) -> None:
+    def __init__(self, session: ledger_session.SigningSession) -> None:
         self._session = session
 
     @property
-    def membership(self) -> MembershipList:
+    def membership(self) -> identity.MembershipList:
         """The members after what this signer has done."""
         return self._session.ledger.state.membership()
 
     def issue(
         self,
-        requests: Sequence[EnrolmentRequest],
-        deliver: Callable[[Identity], HandoutFile],
+        requests: Sequence[model.EnrolmentRequest],
+        deliver: Callable[[identity.Identity], model.HandoutFile],
         *,
         reserved_addresses: Collection[IPv4Address] = (),
-    ) -> tuple[IssueResult, ...]:
+    ) -> tuple[model.IssueResult, ...]:
         """Make members, all checked before the first is made; results are in the order of the requests.
 
         `deliver` is called when the certificate is recorded, and writes the file atomically, 0600. `reserved_addresses`
@@ -462,17 +456,20 @@ class Signer:
         return tuple(self._issue_result(request.name, already=request.name not in names) for request in requests)
 
     def renew(
-        self, name: str, deliver: Callable[[Identity], HandoutFile], change: RenewalRequest | None = None
-    ) -> IssueResult:
+        self,
+        name: str,
+        deliver: Callable[[identity.Identity], model.HandoutFile],
+        change: model.RenewalRequest | None = None,
+    ) -> model.IssueResult:
         """Give a member a successor `NAME.2`, `NAME.3` …; the certificate in use works until the new one was seen.
 
         Successors that were handed out before and never seen are revoked (`IssueRecord.replaced`).
         """
-        plan = plan_renewal(known_member(self.membership, name), change or RenewalRequest())
+        plan = plan_renewal(known_member(self.membership, name), change or model.RenewalRequest())
         hand_out(self._session, "renew", [plan], deliver)
         return self._issue_result(name, replaced_names=plan.replaces)
 
-    def revoke(self, names: Sequence[str], reason: str) -> RevocationResult:
+    def revoke(self, names: Sequence[str], reason: str) -> model.RevocationResult:
         """Revoke every certificate of these members, and publish the list. The names never return.
 
         Once more for members that are revoked: nothing new is recorded, the answer is the same.
@@ -480,7 +477,7 @@ class Signer:
         membership = self.membership
         members = [known_member(membership, name) for name in dict.fromkeys(names)]
         if not members:
-            raise UsageError(
+            raise errors.UsageError(
                 "nobody was named whose certificates are to be revoked", hint="`provision vpn list` lists them all"
             )
         why = printable_text(reason, "the reason") or "no reason was given"
@@ -492,11 +489,11 @@ class Signer:
                 why,
             )
         else:
-            with os_errors_as("the revocation list cannot be read"):
-                crl = (self._session.folder / CRL).read_bytes()
+            with model.os_errors_as("the revocation list cannot be read"):
+                crl = (self._session.folder / model.CRL).read_bytes()
         handed_out = self._session.ledger.state.delivered
         every = (entry.common_name for member in members for entry in member.certificates)
-        return RevocationResult(
+        return model.RevocationResult(
             common_names=tuple(item for item in every if item in handed_out),
             members=tuple(member.name for member in members),
             crl=crl,
@@ -508,9 +505,9 @@ class Signer:
         old = [
             certificate
             for _, certificate in self.membership.certificates()
-            if certificate.standing is CertificateStatus.SUPERSEDED
+            if certificate.standing is identity.CertificateStatus.SUPERSEDED
         ]
-        operation = new_operation()
+        operation = ledger_session.new_operation()
         begin_record = records.BeginRecord(command="publish")
         self._session.ledger.write([begin_record, *_revocations(old, SUPERSEDED_REASON)], operation)
         return self._publish_list(operation)
@@ -523,10 +520,10 @@ class Signer:
         """
         facts = pki.read_crl(pem, self._session.ca.certificate)
         ours = [entry for _, entry in self.membership.certificates() if entry.serial in facts.serials]
-        revoked_certificates = [item for item in ours if item.standing is not CertificateStatus.REVOKED]
+        revoked_certificates = [item for item in ours if item.standing is not identity.CertificateStatus.REVOKED]
         strange = facts.serials - {our.serial for our in ours} - self._session.ledger.state.taken.keys()
         takeover_records = [records.TakeoverRecord(serials=tuple(sorted(strange)))] if strange else []
-        operation = new_operation()
+        operation = ledger_session.new_operation()
         begin_record = records.BeginRecord(command="publish")
         self._session.ledger.write(
             [begin_record, *takeover_records, *_revocations(revoked_certificates, LOST_COPY_REASON)], operation
@@ -534,18 +531,18 @@ class Signer:
         self._publish_list(operation, facts)
         return tuple(certificate.common_name for certificate in revoked_certificates)
 
-    def serve(self, names: ServerNames) -> bool:
+    def serve(self, names: model.ServerNames) -> bool:
         """Give the server a new certificate, if the one it has is for other names, or ends within 90 days.
 
         True if there is a new one: the server's computer needs it. Members go on with what they have.
         """
-        if not needs_another(self._session.ledger.state.server, names, self._session.ledger.now()):
+        if not ledger_session.needs_another(self._session.ledger.state.server, names, self._session.ledger.now()):
             return False
         self._session.serve(names)
         return True
 
-    def _revoke(self, names: Sequence[str], certificates: Iterable[Certificate], why: str) -> bytes:
-        operation = new_operation()
+    def _revoke(self, names: Sequence[str], certificates: Iterable[identity.Certificate], why: str) -> bytes:
+        operation = ledger_session.new_operation()
         begin_record = records.BeginRecord(command="revoke", names=tuple(names))
         self._session.ledger.write([begin_record, *_revocations(certificates, why)], operation)
         return self._publish_list(operation)
@@ -555,20 +552,22 @@ class Signer:
         self._session.ledger.write([records.CommitRecord()], operation)
         return pem
 
-    def _issue_result(self, name: str, *, already: bool = False, replaced_names: tuple[str, ...] = ()) -> IssueResult:
+    def _issue_result(
+        self, name: str, *, already: bool = False, replaced_names: tuple[str, ...] = ()
+    ) -> model.IssueResult:
         state = self._session.ledger.state
         member = state.member(name)
         newest = member.good[-1]
         last = state.delivered[newest.common_name]
-        return IssueResult(member, newest, HandoutFile(last.path, last.sha256), already, replaced_names)
+        return model.IssueResult(member, newest, model.HandoutFile(last.path, last.sha256), already, replaced_names)
 
 
-def _revocable(member: Member) -> list[Certificate]:
+def _revocable(member: identity.Member) -> list[identity.Certificate]:
     """What a revocation of the member is about; once for one that was never handed out, so that its name is retired."""
-    good = [item for item in member.certificates if item.standing is not CertificateStatus.REVOKED]
+    good = [item for item in member.certificates if item.standing is not identity.CertificateStatus.REVOKED]
     waits = not good and all(certificate.reason == NEVER_HANDED_OUT for certificate in member.certificates)
     return list(member.certificates) if waits else good
 
 
-def _revocations(certificates: Iterable[Certificate], why: str) -> list[records.Record]:
+def _revocations(certificates: Iterable[identity.Certificate], why: str) -> list[records.Record]:
     return [records.RevocationRecord(common_name=certificate.common_name, reason=why) for certificate in certificates]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from atlantis_netcfg.inventory.model import Transport
 from atlantis_netcfg.routeros.render import template_folder
-from atlantis_netcfg.vpn.enrolment_package.page import WAIT_S, dds_port, reach, tunnel_of_server
+from atlantis_netcfg.vpn.enrolment_package import page
 from atlantis_netcfg.vpn.enrolment_package.profile import remote
 
 if TYPE_CHECKING:
@@ -132,15 +132,15 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
         "endpoint": str(remote(declaration, member)),
         "port": vpn.port,
         "proto": "udp" if vpn.transport is Transport.UDP else "tcp",
-        "server": str(tunnel_of_server(declaration)),
+        "server": str(page.tunnel_of_server(declaration)),
         "not_before": int(certificate.not_before.timestamp()),
         "not_after": int(certificate.not_after.timestamp()),
         "wrap": str(certificate.wrap),
         "profile": file_name,
         "profile_sha256": hashlib.sha256(profile.reveal().encode()).hexdigest(),
-        "wait_s": WAIT_S[member.link],
+        "wait_s": page.WAIT_S[member.link],
         "ping": _find_ping_targets(declaration, member),
-        "dds_port": dds_port(declaration, member),
+        "dds_port": page.dds_port(declaration, member),
         "contact": contact,
         "faults": [list(item) for item in FAULTS],
         "refused": list(REFUSAL),
@@ -151,10 +151,10 @@ def facts(declaration: Declaration, identity: Identity, profile: Secret, file_na
 
 def _find_ping_targets(declaration: Declaration, member: Member) -> list[list[str]]:
     """Computers of ours that answer pings, the server aside: it is asked first."""
-    server = tunnel_of_server(declaration)
+    server = page.tunnel_of_server(declaration)
     name_by_address = {
         address: name
-        for item in reach(declaration, member)
+        for item in page.reach(declaration, member)
         if item.ping
         for name, address in item.hosts
         if address not in {server, member.address}

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, PlainSerializer
 
 from atlantis_netcfg.inventory.model import RosDistribution  # noqa: TC001 - as above
-from atlantis_netcfg.vpn.identity import ClientSystem, KeyType, MemberKind, MemberLink, Wrap  # noqa: TC001 - as above
+from atlantis_netcfg.vpn import identity  # noqa: TC001 - as above
 
 Command = Literal["issue", "renew", "revoke", "publish", "serve"]
 Serial = Annotated[
@@ -68,21 +68,21 @@ class IssueRecord:
 
     kind: Literal["issued"] = "issued"
     name: str
-    device_kind: MemberKind
+    device_kind: identity.MemberKind
     partner: str | None
     device: str
     address: IPv4Address
-    link: MemberLink
+    link: identity.MemberLink
     vehicle: str | None
     common_name: str
     serial: Serial
     sha256: str
     not_before: datetime
     not_after: datetime
-    wrap: Wrap
-    key: KeyType
+    wrap: identity.Wrap
+    key: identity.KeyType
     request_id: str = ""
-    system: ClientSystem | None = None
+    system: identity.ClientSystem | None = None
     distribution: RosDistribution | None = None
     der: str
     """The certificate, base64: its copy in `certs/` can be made again."""

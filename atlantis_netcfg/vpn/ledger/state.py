@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.vpn.identity import Certificate, CertificateStatus, Member, MembershipList
+from atlantis_netcfg.vpn import identity
 from atlantis_netcfg.vpn.ledger.file import CorruptLedgerError, LedgerEntry
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ NEVER_HANDED_OUT = "never handed out"
 """Reason of a certificate whose file was not recorded as handed out: it counts as revoked from the start."""
 
 
-def membership(entries: Iterable[LedgerEntry]) -> MembershipList:
+def membership(entries: Iterable[LedgerEntry]) -> identity.MembershipList:
     """Who is in the VPN after these entries."""
     return LedgerState(entries).membership()
 
@@ -28,8 +28,8 @@ def membership(entries: Iterable[LedgerEntry]) -> MembershipList:
 class _AddressHolder:
     """A member while the entries are read."""
 
-    member: Member
-    certificates: dict[str, Certificate] = field(default_factory=dict)
+    member: identity.Member
+    certificates: dict[str, identity.Certificate] = field(default_factory=dict)
     """By common name, oldest first."""
 
 
@@ -70,10 +70,10 @@ class LedgerState:
                 hint="sign nothing; restore the ledger from your backup of the authority",
             ) from None
 
-    def membership(self) -> MembershipList:
+    def membership(self) -> identity.MembershipList:
         """Who is in the VPN, as a value."""
         crl_record = self.published
-        return MembershipList(
+        return identity.MembershipList(
             members=MappingProxyType({name: self.member(name) for name in self._holders}),
             crl_number=crl_record.number if crl_record else 0,
             crl_sha256=crl_record.sha256 if crl_record else "",
@@ -81,7 +81,7 @@ class LedgerState:
             queued_names=tuple(self._queued),
         )
 
-    def member(self, name: str) -> Member:
+    def member(self, name: str) -> identity.Member:
         """One member with its certificates."""
         holder = self._holders[name]
         return replace(holder.member, certificates=tuple(holder.certificates.values()))
@@ -112,7 +112,7 @@ class LedgerState:
             holder = self._holders[record.name] = _AddressHolder(_member(record))
         elif not any(item in self.delivered for item in holder.certificates):
             holder.member = _member(record)
-        certificate = Certificate(
+        certificate = identity.Certificate(
             common_name=record.common_name,
             serial=record.serial,
             sha256=record.sha256,
@@ -120,7 +120,7 @@ class LedgerState:
             not_after=record.not_after,
             wrap=record.wrap,
             key=record.key,
-            standing=CertificateStatus.REVOKED,
+            standing=identity.CertificateStatus.REVOKED,
             revoked=entry.at,
             reason=NEVER_HANDED_OUT,
         )
@@ -131,10 +131,12 @@ class LedgerState:
         self._did(entry, record.common_name)
         if self.pending.pop(record.common_name, None) is not None:
             self._holder(record.common_name).member = _member(self.issued[record.common_name])
-            self._put(record.common_name, standing=CertificateStatus.ISSUED, revoked=None, reason="")
+            self._put(record.common_name, standing=identity.CertificateStatus.ISSUED, revoked=None, reason="")
 
     def _revoked(self, entry: LedgerEntry, record: records.RevocationRecord) -> None:
-        self._put(record.common_name, standing=CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason)
+        self._put(
+            record.common_name, standing=identity.CertificateStatus.REVOKED, revoked=entry.at, reason=record.reason
+        )
         self._did(entry, record.common_name)
         self.pending.pop(record.common_name, None)
         if record.common_name in self.delivered:
@@ -142,12 +144,14 @@ class LedgerState:
 
     def _seen(self, _: LedgerEntry, record: records.SightingRecord) -> None:
         if self._good(record.common_name):
-            self._put(record.common_name, standing=CertificateStatus.SEEN, seen=record.last)
+            self._put(record.common_name, standing=identity.CertificateStatus.SEEN, seen=record.last)
 
     def _superseded(self, entry: LedgerEntry, record: records.SupersedeRecord) -> None:
         if self._good(record.common_name):
             reason = f"{record.by} was seen in use"
-            self._put(record.common_name, standing=CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason)
+            self._put(
+                record.common_name, standing=identity.CertificateStatus.SUPERSEDED, revoked=entry.at, reason=reason
+            )
 
     def _settled(self, _: LedgerEntry, record: records.SettlementRecord) -> None:
         self._queued.pop(record.common_name, None)
@@ -184,8 +188,8 @@ class LedgerState:
         certificates[common_name] = replace(certificates[common_name], **changes)
 
 
-def _member(record: records.IssueRecord) -> Member:
-    return Member(
+def _member(record: records.IssueRecord) -> identity.Member:
+    return identity.Member(
         name=record.name,
         kind=record.device_kind,
         partner=record.partner,

@@ -21,15 +21,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, ExtensionOID, NameOID
 
 from atlantis_netcfg.core.atomic_files import write_atomically
 from atlantis_netcfg.vpn.identity import KeyType
-from atlantis_netcfg.vpn.pki.keys import (
-    CorruptKeyError,
-    InvalidCertificateError,
-    InvalidCrlError,
-    PrivateKey,
-    PublicKey,
-    load_key,
-    new_key,
-)
+from atlantis_netcfg.vpn.pki import keys
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,16 +49,16 @@ class Ca:
     """What signs."""
 
     certificate: x509.Certificate
-    key: PrivateKey
+    key: keys.PrivateKey
 
 
 def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
     """A CA for ten years, which signs certificates of devices and revocation lists, and no further CA."""
     if _CA_NAME.fullmatch(name) is None:
-        raise InvalidCertificateError(
+        raise keys.InvalidCertificateError(
             f"no name for a certificate authority: {name!r}", hint="use letters, digits and -"
         )
-    key = new_key(kind)
+    key = keys.new_key(kind)
     public, subject = key.public_key(), _subject(name)
     usage = _usage(key_cert_sign=True, crl_sign=True)
     builder = (
@@ -83,9 +75,9 @@ def new_ca(name: str, now: datetime, kind: KeyType = KeyType.EC) -> Ca:
 
 def load_ca(certificate: str, key: Secret) -> Ca:
     """The CA of two PEM texts. Raises KeyDamaged if they do not belong together."""
-    ca = Ca(load_cert(certificate), load_key(key))
+    ca = Ca(load_cert(certificate), keys.load_key(key))
     if ca.certificate.public_key() != ca.key.public_key():
-        raise CorruptKeyError(
+        raise keys.CorruptKeyError(
             "the CA's key is not the key of the CA's certificate",
             hint="restore both files from the same backup of the authority",
         )
@@ -94,7 +86,7 @@ def load_ca(certificate: str, key: Secret) -> Ca:
 
 def new_server(  # noqa: PLR0913, PLR0917 - what a server's certificate says
     ca: Ca,
-    public_key: PublicKey,
+    public_key: keys.PublicKey,
     common_name: str,
     dns: Iterable[str],
     addresses: Iterable[IPv4Address],
@@ -117,7 +109,7 @@ def new_server(  # noqa: PLR0913, PLR0917 - what a server's certificate says
 
 
 def new_client(  # noqa: PLR0913, PLR0917 - what a member's certificate says
-    ca: Ca, public_key: PublicKey, common_name: str, serial: int, days: int, now: datetime
+    ca: Ca, public_key: keys.PublicKey, common_name: str, serial: int, days: int, now: datetime
 ) -> x509.Certificate:
     """A member's, for some days from now on."""
     builder = _builder(ca, public_key, common_name, serial, now, (CLIENT_BACKDATED, timedelta(days=days)))
@@ -141,7 +133,9 @@ def load_cert(pem: str) -> x509.Certificate:
     try:
         return x509.load_pem_x509_certificate(pem.encode())
     except (ValueError, x509.InvalidVersion):
-        raise CorruptKeyError("this is no certificate", hint="restore it from your backup of the authority") from None
+        raise keys.CorruptKeyError(
+            "this is no certificate", hint="restore it from your backup of the authority"
+        ) from None
 
 
 def sha256(certificate: x509.Certificate) -> str:
@@ -159,12 +153,14 @@ def issued_by(certificate: x509.Certificate, ca_certificate: x509.Certificate) -
 
 
 def _builder(  # noqa: PLR0913, PLR0917 - as above
-    ca: Ca, public_key: PublicKey, common_name: str, serial: int, now: datetime, span: tuple[timedelta, timedelta]
+    ca: Ca, public_key: keys.PublicKey, common_name: str, serial: int, now: datetime, span: tuple[timedelta, timedelta]
 ) -> x509.CertificateBuilder:
     if _COMMON_NAME.fullmatch(common_name) is None:
-        raise InvalidCertificateError(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
+        raise keys.InvalidCertificateError(f"no name for a certificate: {common_name!r}", hint="use a-z, 0-9 and -")
     if not 0 < serial < 1 << 159:
-        raise InvalidCertificateError("a serial number has 1 to 159 bits", hint="this is our fault: please report it")
+        raise keys.InvalidCertificateError(
+            "a serial number has 1 to 159 bits", hint="this is our fault: please report it"
+        )
     start, end = _dates(ca.certificate, now, *span)
     identifier = ca.certificate.extensions.get_extension_for_class(x509.SubjectKeyIdentifier).value
     authority = x509.AuthorityKeyIdentifier.from_issuer_subject_key_identifier(identifier)
@@ -180,15 +176,15 @@ def _dates(ca: x509.Certificate, now: datetime, before: timedelta, after: timede
     now = _whole(now)
     first, last = ca.not_valid_before_utc, ca.not_valid_after_utc
     if after < timedelta(days=1):
-        raise InvalidCertificateError("a certificate is good for at least one day", hint="days=397")
+        raise keys.InvalidCertificateError("a certificate is good for at least one day", hint="days=397")
     if not first <= now < last:
-        raise InvalidCertificateError(
+        raise keys.InvalidCertificateError(
             f"the certificate authority is good from {first:%Y-%m-%d} to {last:%Y-%m-%d}, and this computer's date is "
             f"{now:%Y-%m-%d}",
             hint="set this computer's clock right; after its end a new authority is needed",
         )
     if now + after > last:
-        raise InvalidCertificateError(
+        raise keys.InvalidCertificateError(
             f"a certificate for {after.days} days would outlive the certificate authority ({last:%Y-%m-%d})",
             hint=f"days={(last - now).days}, or make a new authority",
         )
@@ -334,7 +330,7 @@ def _check_issuer(crl: x509.CertificateRevocationList, ca: x509.Certificate) -> 
     try:
         key = ca.public_key()
         # Somebody else's CA may have a key of another kind than ours.
-        if crl.issuer != ca.subject or not isinstance(key, PublicKey):
+        if crl.issuer != ca.subject or not isinstance(key, keys.PublicKey):
             _refuse("another certificate authority has signed it")
         if not crl.is_signature_valid(key):
             _refuse("its signature is not our certificate authority's, whatever it calls itself")
@@ -362,7 +358,7 @@ def _error_text(now: datetime) -> str:
 
 
 def _refuse(why: str) -> NoReturn:
-    raise InvalidCrlError(
+    raise keys.InvalidCrlError(
         f"the revocation list was not published: {why}",
         hint="look at this computer's clock, then sign a new one: provision vpn sync --sign",
     )

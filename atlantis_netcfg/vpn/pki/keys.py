@@ -29,48 +29,48 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from atlantis_netcfg.core.errors import ExitCode, NetcfgError, UsageError
+from atlantis_netcfg.core import errors
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.vpn.identity import KeyType
 
 
-class InvalidCertificateError(UsageError):
+class InvalidCertificateError(errors.UsageError):
     """A certificate that would not be worth what it says; nothing was signed."""
 
 
-class InvalidCrlError(NetcfgError):
+class InvalidCrlError(errors.NetcfgError):
     """A revocation list that must not come before a server: it would admit the revoked, or lock everybody out."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class CorruptKeyError(NetcfgError):
+class CorruptKeyError(errors.NetcfgError):
     """A key file that holds no such key, or not the one that belongs to the certificate beside it."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class WrongPassphrase(UsageError):
+class WrongPassphrase(errors.UsageError):
     """What was typed does not open it. No text of this error holds what was typed."""
 
 
-class WeakPassphrase(UsageError):
+class WeakPassphrase(errors.UsageError):
     """Too easy to guess to seal anything with; nothing was written."""
 
 
-class CorruptSealError(NetcfgError):
+class CorruptSealError(errors.NetcfgError):
     """A sealed file that is cut, changed, or nothing of the kind: no passphrase would open it."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class SealTooLarge(NetcfgError):
+class SealTooLarge(errors.NetcfgError):
     """Opening it takes more than this computer has; nothing is wrong with the file."""
 
-    exit = ExitCode.FAILED
+    exit = errors.ExitCode.FAILED
 
 
-class InvalidRecipientError(UsageError):
+class InvalidRecipientError(errors.UsageError):
     """A text that is no key which files can be encrypted to."""
 
 

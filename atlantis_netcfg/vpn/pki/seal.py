@@ -17,14 +17,7 @@ from typing import TYPE_CHECKING
 import pyrage
 
 from atlantis_netcfg.core import passwords
-from atlantis_netcfg.vpn.pki import age_file
-from atlantis_netcfg.vpn.pki.keys import (
-    CorruptSealError,
-    InvalidRecipientError,
-    SealTooLarge,
-    WeakPassphrase,
-    WrongPassphrase,
-)
+from atlantis_netcfg.vpn.pki import age_file, keys
 
 if TYPE_CHECKING:
     from atlantis_netcfg.core.secret import Secret
@@ -47,7 +40,7 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
     check_passphrase(passphrase, SEAL_GUESSES)
     needed_bytes, free = _scrypt_bytes(age_file.WORK_FACTOR), _free_bytes()
     if free is not None and free < needed_bytes:
-        raise SealTooLarge(
+        raise keys.SealTooLarge(
             f"sealing it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
             hint=_LARGER,
         )
@@ -57,7 +50,7 @@ def seal(data: bytes, passphrase: Secret) -> bytes:
 def unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """What `seal` or `age --passphrase` has encrypted. Raises WrongPassphrase, SealDamaged, SealTooLarge."""
     if not _binary(sealed_data).startswith(_BY_PASSPHRASE):
-        raise CorruptSealError("this is no file that age has sealed with a passphrase", hint=_RESTORE)
+        raise keys.CorruptSealError("this is no file that age has sealed with a passphrase", hint=_RESTORE)
     _check_memory(opening_bytes(sealed_data))
     try:
         return bytes(pyrage.passphrase.decrypt(sealed_data, passphrase.reveal()))
@@ -90,10 +83,10 @@ def check_passphrase(passphrase: Secret, guesses: int) -> None:
     """Raise WeakPassphrase for one that a guesser finds with fewer."""
     text = passphrase.reveal()
     if not text:
-        raise WeakPassphrase("the passphrase is empty", hint=_STRONGER)
+        raise keys.WeakPassphrase("the passphrase is empty", hint=_STRONGER)
     estimate, why = passwords.guesses(text)
     if estimate < guesses:
-        raise WeakPassphrase(
+        raise keys.WeakPassphrase(
             f"the passphrase is too weak: about {_power(math.log10(estimate))} guesses find it, and "
             f"{_power(math.log10(guesses))} are needed" + (f" ({why})" if why else ""),
             hint=_STRONGER,
@@ -109,13 +102,15 @@ def unseal_with(sealed_data: bytes, identity: Secret) -> bytes:
     try:
         key = pyrage.x25519.Identity.from_str(identity.reveal().strip())
     except pyrage.IdentityError:
-        raise InvalidRecipientError("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
+        raise keys.InvalidRecipientError("this is no key of age", hint="it begins with AGE-SECRET-KEY-1") from None
     try:
         return bytes(pyrage.decrypt(sealed_data, [key]))
     except pyrage.DecryptError as error:
         if str(error) == "No matching keys found":
-            raise WrongPassphrase("it was sealed for another key", hint="use the key that it was sealed for") from None
-        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
+            raise keys.WrongPassphrase(
+                "it was sealed for another key", hint="use the key that it was sealed for"
+            ) from None
+        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
 
 
 def vault_seal(data: bytes, passphrase: Secret) -> bytes:
@@ -127,14 +122,14 @@ def vault_seal(data: bytes, passphrase: Secret) -> bytes:
 def vault_unseal(sealed_data: bytes, passphrase: Secret) -> bytes:
     """What ansible-vault has encrypted. Raises WrongPassphrase, SealDamaged."""
     if not sealed_data.startswith(b"$ANSIBLE_VAULT;"):
-        raise CorruptSealError("this is no file that ansible-vault has encrypted", hint=_RESTORE)
+        raise keys.CorruptSealError("this is no file that ansible-vault has encrypted", hint=_RESTORE)
     from ansible.errors import AnsibleError  # noqa: PLC0415 - as below
     from ansible.parsing.vault import AnsibleVaultFormatError  # noqa: PLC0415
 
     try:
         return bytes(_vault(passphrase).decrypt(sealed_data))  # type: ignore[attr-defined] # no types
     except AnsibleVaultFormatError:
-        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
+        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE) from None
     except AnsibleError:
         raise _wrong() from None
 
@@ -150,7 +145,7 @@ def _check_memory(needed_bytes: int) -> None:
     """Before scrypt takes it: on a small computer the kernel would end somebody without a word."""
     free = _free_bytes()
     if free is not None and free < needed_bytes:
-        raise SealTooLarge(
+        raise keys.SealTooLarge(
             f"opening it takes {needed_bytes >> 20} MiB of memory, and this computer has {free >> 20} MiB left",
             hint=_LARGER,
         )
@@ -177,24 +172,24 @@ def _binary(sealed_data: bytes) -> bytes:
     except ValueError:
         data = b""
     if not data.startswith(b"age-encryption.org/v1\n"):
-        raise CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
+        raise keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
     return data
 
 
-def _opening(error: pyrage.DecryptError) -> WrongPassphrase | CorruptSealError | SealTooLarge:
+def _opening(error: pyrage.DecryptError) -> keys.WrongPassphrase | keys.CorruptSealError | keys.SealTooLarge:
     """The same is said by age of a wrong passphrase and of a change in the one line that it opens."""
     if str(error) == "Decryption failed":
         return _wrong()
     if str(error).startswith("Excessive work"):
-        return SealTooLarge(
+        return keys.SealTooLarge(
             "it was sealed on a much faster computer, and opening it would take this one too long",
             hint="open it on a faster computer",
         )
-    return CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
+    return keys.CorruptSealError("the sealed file is cut or damaged", hint=_RESTORE)
 
 
-def _wrong() -> WrongPassphrase:
-    return WrongPassphrase(
+def _wrong() -> keys.WrongPassphrase:
+    return keys.WrongPassphrase(
         "the passphrase does not open it",
         hint="type it again; if it is the right one, the file was changed: restore it from a backup",
     )
@@ -210,7 +205,7 @@ def _recipient(text: str) -> pyrage.x25519.Recipient | pyrage.ssh.Recipient:
         pass
     secret = "AGE-SECRET-KEY" in text.upper() or "PRIVATE KEY" in text.upper()
     excerpt = text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}…"
-    raise InvalidRecipientError(
+    raise keys.InvalidRecipientError(
         "that is a secret key; the recipient's public one is needed"
         if secret
         else f"no key of a recipient: {excerpt!r}",

@@ -17,7 +17,7 @@ from matrix_stand import SERVER
 from own_asked import check, findings, inside
 
 from atlantis_netcfg.checklist.probes import Answer, LinkStatusResult, Rows
-from atlantis_netcfg.checklist.probes.step import ProbeResult
+from atlantis_netcfg.checklist.probes.base import ProbeResult
 from atlantis_netcfg.inventory import load
 
 if find_spec("cyclonedds") is None:

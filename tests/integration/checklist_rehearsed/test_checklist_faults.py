@@ -14,8 +14,8 @@ from atlantis_netcfg.checklist.runner import examine
 from atlantis_netcfg.checklist.runner.simulated import FAULTS, rehearsed_ears
 from atlantis_netcfg.checklist.runner.simulated._faults import ROUTER_FAULTS as OF_ROUTERS
 from atlantis_netcfg.cli import checklist
-from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.base.session import CommandSession, session
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.operations import Mode
 from atlantis_netcfg.operations.computers._access import is_computer

@@ -29,7 +29,6 @@ from atlantis_netcfg.inventory.model import Dds, Pace, RosDistribution, RosMiddl
 from atlantis_netcfg.inventory.satellite_allow_list import allowed_targets
 from atlantis_netcfg.links.standing_traffic import DAY_S, NO_VPN, SteadyTopic, TrafficSource, keep_alive, topic_flow
 from atlantis_netcfg.operations.common.traffic_budget import declared_pace, standing_traffic
-from atlantis_netcfg.vpn import server as vpn_server
 from atlantis_netcfg.vpn.identity import TIMERS, MemberLink
 
 if find_spec("cyclonedds") is None:
@@ -231,7 +230,7 @@ def test_the_link_is_as_slow_as_the_declared_satellite() -> None:
 
 def test_an_idle_tunnel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(TIMERS, MemberLink.SATELLITE, (_PING_S, 300))
-    monkeypatch.setattr(vpn_server, "RENEGOTIATION_S", _RENEGOTIATION_S)
+    monkeypatch.setattr("atlantis_netcfg.vpn.identity.RENEGOTIATION_S", _RENEGOTIATION_S)
     declaration = pilot()
     with vpn(declaration, [host(declaration, GATEWAY)], tmp_path) as made:
         made.run(GATEWAY, "nft", "-f", "-", text=_COUNT)

@@ -13,7 +13,7 @@ from atlantis_netcfg.core.events import Event, Stage
 from atlantis_netcfg.emulator.routeros import Execute, FaultKind, LinkFault, WireBehaviour
 from atlantis_netcfg.emulator.routeros.answers import Answer
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status, converge, fleet
-from atlantis_netcfg.routeros.apply import _change, _executor, _settle
+from atlantis_netcfg.routeros.apply import _change, _settle
 from atlantis_netcfg.runs import ActionAcknowledgement, Journal, JournalError, Record
 
 MANAGEMENT = 'add address=10.64.101.1/24 comment="atlantis: management" interface=ether8\n'
@@ -80,7 +80,7 @@ _TAKEN = ("=mac-address=02:00:00:01:00:30", "=address=10.64.9.9", "=server=lan")
 
 
 def test_a_way_that_is_cut_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     result, before, now = on(Bench(tmp_path, text=TEXT.replace(MANAGEMENT, "")), tried)
     assert result.status is Status.ROLLED_BACK
     assert now == before
@@ -88,7 +88,7 @@ def test_a_way_that_is_cut_in_spite_of_the_guard(tmp_path: Path, monkeypatch: py
 
 def test_new_sessions_are_shut_out_in_spite_of_the_guard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Our session lives on, and would not notice."""
-    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     text = TEXT.replace("set telnet disabled=yes\n", "set telnet disabled=yes\nset api-ssl disabled=yes\n")
     result, before, now = on(Bench(tmp_path, text=text), tried)
     assert result.status is Status.ROLLED_BACK

@@ -314,7 +314,7 @@ def test_an_order_that_moves_the_answers_is_judged_by_all_that_the_guard_reads(t
     async def act(bench: Bench) -> tuple[str, DeviceResult, list[set[str]]]:
         there = bench.export()
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr("atlantis_netcfg.routeros.apply._executor.is_order", lambda _: False)
+            patch.setattr("atlantis_netcfg.routeros.link_use.is_order", lambda _: False)
             whole = await bench.converge(mode, desired_state=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
         refused = await bench.converge(mode, desired_state=desired.read(ONE_ROUTE.format("10.64.101.10/32")))
         assert bench.export() == there

@@ -12,7 +12,6 @@ from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.emulator.routeros import DeviceMode, FaultKind, LinkFault, WireBehaviour
 from atlantis_netcfg.emulator.routeros import DeviceModeName as TwinMode
 from atlantis_netcfg.routeros import DeviceResult, JobMode, Patience, Status
-from atlantis_netcfg.routeros.apply import _executor
 from atlantis_netcfg.runs import ProtectionRecord
 
 HOME = DeviceMode(mode=TwinMode.HOME)
@@ -145,7 +144,7 @@ def test_a_line_that_the_router_refuses(tmp_path: Path, version: str, ssh: bool)
 
 @pytest.mark.parametrize("ssh", [True, False], ids=["console", "job"])
 def test_new_sessions_are_shut_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ssh: bool) -> None:  # noqa: FBT001
-    monkeypatch.setattr(_executor, "objections", lambda *_: ())
+    monkeypatch.setattr("atlantis_netcfg.routeros.guard.objections", lambda *_: ())
     bench = Bench(tmp_path, text=SHUT, spec={"version": "7.16"})
 
     async def act(bench: Bench) -> Any:  # noqa: ANN401

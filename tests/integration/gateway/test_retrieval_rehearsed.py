@@ -10,7 +10,6 @@ import pytest
 from retrieval_programs import GATEWAY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base import session
 from atlantis_netcfg.operations import retrieve_rehearsal
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def test_a_robot_is_collected_first_and_a_spoilt_copy_is_not_green(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     declared: Declaration = with_retrieval(robots=[ROBOT], sources=[{"host": GATEWAY}])
-    monkeypatch.setattr(session, "load", lambda *_, **__: declared)
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda *_, **__: declared)
     monkeypatch.setattr(retrieve_rehearsal, "_MOST_BYTES", 400_000)
     kept: list[dict[str, str]] = []
     real = retrieve_rehearsal._digests

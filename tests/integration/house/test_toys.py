@@ -167,11 +167,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.arguments import CommandSpec, Word
+from atlantis_netcfg.cli.base.syntax import CommandSpec, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.cli.base.arguments import Arguments
+    from atlantis_netcfg.cli.base.syntax import Arguments
 
 SITE = Word("site", "the site", is_required=True, example="scc")
 TIDE = CommandSpec("tide", "say how high the water is", words=(SITE,))
@@ -209,7 +209,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from atlantis_netcfg.checklist.probes.site_checks.parse import OwnSite, ask, fail, good, rows, step
-from atlantis_netcfg.checklist.probes.step import ProbeResult, Step
+from atlantis_netcfg.checklist.probes.base import ProbeResult, Step
 
 
 def name_check(site: OwnSite) -> Step:
@@ -261,13 +261,13 @@ class Interface:
 
     def asks(self):
         from atlantis_netcfg.links.status import Query
-        from atlantis_netcfg.checklist.probes.step import RouterOsQuery
+        from atlantis_netcfg.checklist.probes.base import RouterOsQuery
 
         query = Query("/interface/ethernet", "print", (), ("name",))
         return (RouterOsQuery("ports", self.router, query),)
 
     def judge(self, results):
-        from atlantis_netcfg.checklist.probes.step import ProbeResult
+        from atlantis_netcfg.checklist.probes.base import ProbeResult
 
         there = {row["name"] for row in results["ports"].rows}
         verdict = Verdict.PASS if "ether2" in there else Verdict.FAIL

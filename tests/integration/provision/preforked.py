@@ -37,7 +37,7 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 PLAYBOOK = str(Path(sys.executable).with_name("ansible-playbook"))
 PRELOADED = (
     *("atlantis_netcfg.cli", "atlantis_netcfg.emulator.routeros.__main__"),
-    *("atlantis_netcfg.cli.base.output", "atlantis_netcfg.cli.base.arguments", "atlantis_netcfg.cli.base.playbook"),
+    *("atlantis_netcfg.cli.base.output", "atlantis_netcfg.cli.base.syntax", "atlantis_netcfg.cli.base.playbook"),
     *("atlantis_netcfg.cli.base.session", "atlantis_netcfg.cli.devices", "atlantis_netcfg.cli.runs"),
     *(
         "atlantis_netcfg.operations.common.jobs",

@@ -36,7 +36,7 @@ FAMILIES: dict[str, dict[str, str]] = {
 @pytest.fixture(autouse=True)
 def prepared_twins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fork the emulated routers of a rehearsal from the process that has imported what they need."""
-    monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.spawn", preforked.spawn)
+    monkeypatch.setattr("atlantis_netcfg.emulator.routeros.spawn", preforked.spawn)
 
 
 def inventory(folder: Path, edits: Mapping[str, str]) -> Path:

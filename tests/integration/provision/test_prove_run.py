@@ -18,7 +18,6 @@ from waiting import HANG_S, wait_until
 
 from atlantis_netcfg.cli import main
 from atlantis_netcfg.inventory import load
-from atlantis_netcfg.operations.allow_list_test import site
 from atlantis_netcfg.operations.allow_list_test.plan import MARK
 from atlantis_netcfg.operations.allow_list_test.prove import ProofPace
 from atlantis_netcfg.vpn.enrolment_package.profile import identity_file
@@ -148,7 +147,7 @@ def prove(at: Quay, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixtu
 
     password = at.environment()["ANSIBLE_VAULT_PASSWORD_FILE"]
     monkeypatch.setattr("ansible.constants.DEFAULT_VAULT_PASSWORD_FILE", password)
-    monkeypatch.setattr(site, "ProofPace", lambda: ProofPace(sleep=no_wait))
+    monkeypatch.setattr("atlantis_netcfg.operations.allow_list_test.prove.ProofPace", lambda: ProofPace(sleep=no_wait))
     monkeypatch.setenv("ATLANTIS_STATE", str(at.state))
     return typed
 

@@ -108,7 +108,7 @@ def test_who_is_not_root_becomes_it(stand: Stand) -> None:
 
 def test_who_may_not_become_root(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
     way = replace(way_in(SHIPPED, GATEWAY, Request(), "config"), sudo=True)
-    monkeypatch.setattr(_real, "way_in", lambda *_: way)
+    monkeypatch.setattr("atlantis_netcfg.checklist.runner._gateway_access.way_in", lambda *_: way)
     stand.behaves("cat >/dev/null; echo 'sudo: a password is required' >&2; exit 1")
     assert stand.ask(run("one", "true"))["one"].words.startswith(
         "whoever logs in on coastal-gateway does not become root without a password; on it, as root: `echo"

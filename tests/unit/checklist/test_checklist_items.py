@@ -20,8 +20,8 @@ from atlantis_netcfg.checklist import (
     report,
 )
 from atlantis_netcfg.checklist.probes import CommandResult, RunProgram, Trouble
+from atlantis_netcfg.checklist.probes.base import Place
 from atlantis_netcfg.checklist.probes.items import ExpectedLine
-from atlantis_netcfg.checklist.probes.step import Place
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.errors import NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from checklist_bench import DHCP, FAILSAFE, NAME, WIFI, Desk, answer, found, pages
 
-from atlantis_netcfg.checklist import Confirmation, SigningKeyError, _signing, books, verify, verify_report
+from atlantis_netcfg.checklist import Confirmation, SigningKeyError, books, verify, verify_report
 from atlantis_netcfg.checklist._signing import SigningKey, canonical, digest, parse_json, render_json, sign_data
 from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.core.events import Verdict
@@ -258,7 +258,7 @@ def test_two_processes_make_the_key_at_once(tmp_path: Path, monkeypatch: pytest.
         write_atomically(path, (tmp_path / "other").read_bytes())
         write_atomically(own, data, replace=replace)
 
-    monkeypatch.setattr(_signing, "write_atomically", outrun)
+    monkeypatch.setattr("atlantis_netcfg.runs.write_atomically", outrun)
     assert SigningKey.load_or_create(path).fingerprint == other.fingerprint
     assert sorted(one.name for one in tmp_path.iterdir()) == ["checklist.key", "other"]
 

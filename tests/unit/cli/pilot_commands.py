@@ -6,7 +6,7 @@ from types import ModuleType
 
 import pytest
 
-from atlantis_netcfg.cli.base.arguments import JSON, VERBOSE, Arguments, CommandSpec, Flag, Word
+from atlantis_netcfg.cli.base.syntax import JSON, VERBOSE, Arguments, CommandSpec, Flag, Word
 from atlantis_netcfg.core.errors import ExitCode
 
 RUN = CommandSpec(

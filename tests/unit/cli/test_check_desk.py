@@ -9,7 +9,7 @@ from check_desk import LAMP, PING, RADIO, Sitting, entry
 from PIL import Image
 
 from atlantis_netcfg.checklist import PlanEntry
-from atlantis_netcfg.checklist.probes.step import EvidenceRequest
+from atlantis_netcfg.checklist.probes.base import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli.checklist.workflow import Price, Prompt, PromptAbort, doubt_of_name
 from atlantis_netcfg.core import language

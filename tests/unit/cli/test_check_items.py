@@ -7,7 +7,7 @@ import pytest
 from check_desk import LAMP, Sitting, entry, pilot
 
 from atlantis_netcfg.checklist import PlanEntry, Scope, plan
-from atlantis_netcfg.checklist.probes.step import EvidenceRequest
+from atlantis_netcfg.checklist.probes.base import EvidenceRequest
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.cli.checklist.workflow import PromptAbort
 from atlantis_netcfg.core import language

@@ -18,8 +18,7 @@ from atlantis_netcfg.checklist.report import Document
 from atlantis_netcfg.checklist.runner import OnAnswer
 from atlantis_netcfg.checklist.runner.results import trouble_answer
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base import session
-from atlantis_netcfg.cli.base.arguments import parse
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.cli.checklist import CHECK, check_run
 from atlantis_netcfg.cli.checklist.check_run import CheckInterrupt, run_check
 from atlantis_netcfg.cli.checklist.workflow import Listening, Prompt, price_of
@@ -76,7 +75,7 @@ def ears(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> NobodyThere:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("atlantis_netcfg.operations.common.rehearsal.rehearsal", nothing)
     without_robots = replace(pilot(), root=tmp_path)
-    monkeypatch.setattr(session, "load", lambda *_, **__: without_robots)
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda *_, **__: without_robots)
     monkeypatch.setattr(check_run, "listening", nobody)
     monkeypatch.setattr(report, "pages", lambda _document, _files: {"report.html": b"<p>page</p>"}, raising=False)
     return there

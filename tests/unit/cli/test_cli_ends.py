@@ -17,8 +17,8 @@ from pilot_commands import Table, done
 from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import Arguments
 from atlantis_netcfg.cli.base.output import _reminder, progress
+from atlantis_netcfg.cli.base.syntax import Arguments
 from atlantis_netcfg.core.errors import DeviceError, ExitCode, NoMatchError, OutcomeUnknown, UsageError
 from atlantis_netcfg.core.events import Event, Stage
 

@@ -10,8 +10,8 @@ from pilot_commands import Table, done
 
 from atlantis_netcfg import cli
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import FRAME, Group
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.base.syntax import FRAME, Group
 from atlantis_netcfg.cli.help import MEANING
 from atlantis_netcfg.core.errors import ExitCode
 

@@ -9,8 +9,8 @@ import pytest
 from waiting import HANG_S
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import FRAME
 from atlantis_netcfg.cli.base.commands import COMMANDS, DEFAULT, load
+from atlantis_netcfg.cli.base.syntax import FRAME
 from atlantis_netcfg.cli.help import MEANING
 
 ACCEPTED = ('missing date, using "": TH',)

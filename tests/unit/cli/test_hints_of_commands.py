@@ -46,7 +46,7 @@ def at(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.M
     """Values of the inventory are taken for real ones; a checklist is opened and closed, and asks nobody."""
     shipped = load(ROOT)
     real = replace(shipped, pilot=shipped.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr(session, "load", lambda *_, **__: real)
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda folder, **_: real if folder == ROOT else load(folder))
     monkeypatch.setattr(check_run, "_look", lambda *_: None)
     monkeypatch.setenv("ATLANTIS_STATE", str(tmp_path / "state"))
     return Place(tmp_path, capsys, monkeypatch)
@@ -261,7 +261,7 @@ def test_a_stop_before_anything_was_sent_says_that_nothing_was_changed(at: Place
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    at.monkeypatch.setattr(session, "load", stop)
+    at.monkeypatch.setattr("atlantis_netcfg.inventory.load", stop)
     for typed in (("site=coastal", "--yes"), ("resume", "site=coastal"), ("rollback", "site=coastal", "to=x")):
         assert "nothing was changed" in at.type(*typed, code=4)
 

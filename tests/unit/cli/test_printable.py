@@ -13,8 +13,8 @@ from impostor import HOSTILE, control_characters
 from pilot_commands import Table
 
 from atlantis_netcfg.cli import main, media
-from atlantis_netcfg.cli.base.arguments import Arguments
 from atlantis_netcfg.cli.base.output import progress
+from atlantis_netcfg.cli.base.syntax import Arguments
 from atlantis_netcfg.core import printable
 from atlantis_netcfg.core.errors import DeviceError, ExitCode
 from atlantis_netcfg.core.events import Event, Stage

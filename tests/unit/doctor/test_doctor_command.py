@@ -12,7 +12,7 @@ from laptop_network import Plug, network
 
 from atlantis_netcfg import __version__
 from atlantis_netcfg.cli import laptop, main
-from atlantis_netcfg.cli.base.arguments import parse
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.core.paths import checkout

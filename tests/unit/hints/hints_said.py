@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import NetcfgError
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -50,7 +50,7 @@ def hints() -> set[Hint]:
 
 def _texts(tree: ast.AST) -> Iterator[str]:
     """The texts that are said: no docstring, and nothing of a command's help."""
-    if isinstance(tree, ast.Call) and isinstance(tree.func, ast.Name) and tree.func.id in _HELP:
+    if isinstance(tree, ast.Call) and ast.unparse(tree.func).rpartition(".")[2] in _HELP:
         return
     if isinstance(tree, ast.Expr) and isinstance(tree.value, ast.Constant):
         return

@@ -8,9 +8,9 @@ from hints_said import advised
 from row_subtests import for_each_row
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose, load
 from atlantis_netcfg.cli.base.output import as_typed
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.inventory import load as load_declaration
 from atlantis_netcfg.operations.common.request import Request, of_variables, refuse_examples

@@ -202,9 +202,11 @@ def _is_not_green(value: ast.expr) -> bool:
     """`Status.REFUSED`, `ExitCode.FAILED`, or a choice with one of them."""
     if isinstance(value, ast.IfExp):
         return _is_not_green(value.body) or _is_not_green(value.orelse)
-    if not isinstance(value, ast.Attribute) or not isinstance(value.value, ast.Name):
+    if not isinstance(value, ast.Attribute):
         return False
-    return value.attr in {"Status": STATUSES, "ExitCode": CODES}.get(value.value.id, frozenset())
+    return value.attr in {"Status": STATUSES, "ExitCode": CODES}.get(
+        ast.unparse(value.value).rpartition(".")[2], frozenset()
+    )
 
 
 def variants(value: ast.expr, function: ast.AST, within: frozenset[str] = frozenset()) -> list[str]:

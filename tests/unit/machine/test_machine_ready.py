@@ -19,7 +19,9 @@ def able(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: f"/usr/bin/{name}")
     monkeypatch.setattr(ready, "_KEYRING", Path("/"))
     monkeypatch.setattr(ready, "_overlays", lambda: True)
-    monkeypatch.setattr(ready, "output_of", lambda words: subprocess.CompletedProcess(words, 0))
+    monkeypatch.setattr(
+        "atlantis_netcfg.emulator.lab.hosts.output_of", lambda words: subprocess.CompletedProcess(words, 0)
+    )
 
 
 def test_nothing_is_said_where_machines_run() -> None:
@@ -58,7 +60,9 @@ def test_a_kernel_without_overlays(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_container_that_may_not_make_namespaces(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ready, "output_of", lambda words: subprocess.CompletedProcess(words, 1))
+    monkeypatch.setattr(
+        "atlantis_netcfg.emulator.lab.hosts.output_of", lambda words: subprocess.CompletedProcess(words, 1)
+    )
     assert why_not({}) == "this computer may not make namespaces"
 
 
@@ -81,7 +85,7 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return subprocess.CompletedProcess(words, 0 if any(" update" in line for line in asked) else 100)
 
     monkeypatch.setattr(shutil, "which", lambda name: None if name == "mmdebstrap" else name)
-    monkeypatch.setattr(ready, "output_of", run)
+    monkeypatch.setattr("atlantis_netcfg.emulator.lab.hosts.output_of", run)
     return asked
 
 
@@ -101,6 +105,6 @@ def test_nothing_is_installed_unasked_or_for_others(installed: list[str], monkey
 
 
 def test_nothing_is_installed_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ready, "output_of", lambda words: pytest.fail(str(words)))
+    monkeypatch.setattr("atlantis_netcfg.emulator.lab.hosts.output_of", lambda words: pytest.fail(str(words)))
     provide(pytest.fail, {})
     assert ready.missing_packages() == ()

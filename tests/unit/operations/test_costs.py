@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from atlantis_netcfg.cli.base.arguments import ACCEPT_COST
 from atlantis_netcfg.cli.base.commands import COMMANDS, load
+from atlantis_netcfg.cli.base.syntax import ACCEPT_COST
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.versions import Version

@@ -124,7 +124,7 @@ def test_a_device_begins_when_the_one_before_it_has_ended(monkeypatch: pytest.Mo
         order.append("router ends")
         raise NetcfgError("somebody works there")
 
-    monkeypatch.setattr(fleet, "converge", converge)
+    monkeypatch.setattr("atlantis_netcfg.routeros.apply.converge", converge)
     first = fleet.Waiting("router", (lambda: job("router")) if how == "ends" else refuse)
     waiting = [fleet.Waiting("radio", lambda: job("radio"), after=("router", "of another run")), first]
     told: list[str] = []

@@ -18,7 +18,6 @@ from atlantis_netcfg.inventory.model import (
     TelemetryTopic,
 )
 from atlantis_netcfg.links.standing_traffic import DAY_S, StandingFlow, TrafficSource
-from atlantis_netcfg.operations.common import traffic_budget
 from atlantis_netcfg.operations.common.traffic_budget import inventory_warnings, over_budget, standing_traffic
 
 SHIPPED = Path(__file__).parents[3] / "inventory"
@@ -189,7 +188,7 @@ def test_the_shipped_links_keep_to_their_budgets(shipped: Declaration, monkeypat
         return [float(one.bill.price) for one in found if one.link.name == "satellite" and one.bill.price is not None]
 
     assert [price < 80 for price in prices()] == [True, True]
-    monkeypatch.setattr(traffic_budget, "ROUTEROS_RENEGOTIATION_S", DAY_S)
+    monkeypatch.setattr("atlantis_netcfg.vpn.identity.ROUTEROS_RENEGOTIATION_S", DAY_S)
     assert [price < 50 for price in prices()] == [True, True]
 
 

@@ -8,8 +8,8 @@ from ansible import constants
 from ansible.parsing.vault import VaultLib, VaultSecret
 
 from atlantis_netcfg.cli.base import passphrase
-from atlantis_netcfg.cli.base.arguments import ASK_VAULT_PASS, JSON, Arguments, CommandSpec
 from atlantis_netcfg.cli.base.passphrase import vault_of
+from atlantis_netcfg.cli.base.syntax import ASK_VAULT_PASS, JSON, Arguments, CommandSpec
 from atlantis_netcfg.core.errors import UsageError
 from atlantis_netcfg.core.secret import Secret
 from atlantis_netcfg.operations.common.vault import Vault

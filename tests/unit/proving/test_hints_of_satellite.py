@@ -12,8 +12,8 @@ from proving_router import Fake
 from test_hints_of_vpn import Laptop, laptop, real
 from test_proving import ADDED, SATELLITE, bearer, prove, proving
 
+from atlantis_netcfg.checklist.probes.base import AllowListTestResult
 from atlantis_netcfg.checklist.probes.satellite import AllowListProbe
-from atlantis_netcfg.checklist.probes.step import AllowListTestResult
 from atlantis_netcfg.cli.base import output
 from atlantis_netcfg.core.errors import TRUST, ExitCode, NetcfgError
 from atlantis_netcfg.core.events import Verdict

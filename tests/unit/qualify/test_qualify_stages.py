@@ -12,7 +12,7 @@ from simulated_network import KEY, SECOND, SimulatedNetwork, network, run_train
 from tolerances import tolerances
 
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import Arguments
+from atlantis_netcfg.cli.base.syntax import Arguments
 from atlantis_netcfg.core.errors import ExitCode, NoMatchError, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.emulator.udp_link import HEADERS, LinkShape

@@ -11,8 +11,7 @@ from hints_said import advised, said
 from retrieval_programs import CENTRE, GATEWAY, KEY, ROBOT, with_retrieval
 
 from atlantis_netcfg.cli import links, main
-from atlantis_netcfg.cli.base import session
-from atlantis_netcfg.cli.base.arguments import Arguments
+from atlantis_netcfg.cli.base.syntax import Arguments
 from atlantis_netcfg.core.errors import ExitCode
 
 SSH = """\
@@ -90,7 +89,7 @@ class Desk:
 def desk(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Desk:
     declared = with_retrieval(sources=[{"host": GATEWAY}], robots=[ROBOT])
     real = replace(declared, pilot=declared.pilot.model_copy(update={"example_values": False}))
-    monkeypatch.setattr(session, "load", lambda *_, **__: real)
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda *_, **__: real)
     programs, answers = tmp_path / "bin", tmp_path / "answers"
     for folder in (programs, answers):
         folder.mkdir()

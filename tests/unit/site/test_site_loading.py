@@ -336,7 +336,7 @@ def test_every_rule_is_in_use() -> None:
         for label, function in inspect.getmembers(module, inspect.isfunction):
             signature = inspect.signature(function)
             own = function.__module__ == module.__name__ and not label.startswith("_")
-            if own and signature.return_annotation == "Iterator[Finding]":
+            if own and str(signature.return_annotation).endswith("Finding]"):
                 assert list(signature.parameters) == ["draft"], function
                 written.append(function)
     in_use = (*rules.RULES, *rules.WARNINGS)

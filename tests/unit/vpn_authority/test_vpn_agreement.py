@@ -14,7 +14,6 @@ from cryptography import x509
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from atlantis_netcfg.vpn import pki
-from atlantis_netcfg.vpn.authority import check
 from atlantis_netcfg.vpn.authority.authority import Authority
 from atlantis_netcfg.vpn.authority.ledger_session import Head, read_head
 from atlantis_netcfg.vpn.authority.model import CorruptAuthorityError
@@ -222,7 +221,7 @@ def test_the_signature_is_read_once_and_of_our_authority_only(made: Stand, monke
         looked.append(folder)
         return read_head(folder, ca, fold)
 
-    monkeypatch.setattr(check, "read_head", reading)
+    monkeypatch.setattr("atlantis_netcfg.vpn.authority.ledger_session.read_head", reading)
     assert made.authority.agreement().problems == ()
     assert looked == [made.folder]
     other_kind_of_ca(made.folder)

@@ -118,7 +118,7 @@ def prepared(tmp_path: Path, base: Path, capsys: pytest.CaptureFixture[str], mon
     made = Laptop(tmp_path, capsys, monkeypatch)
     monkeypatch.setattr(Play, "laptop", made, raising=False)
     monkeypatch.setattr(session, "PlaybookRunner", Play)
-    monkeypatch.setattr(session, "load", lambda *_, **__: real())
+    monkeypatch.setattr("atlantis_netcfg.inventory.load", lambda *_, **__: real())
     capsys.readouterr()
     return made
 

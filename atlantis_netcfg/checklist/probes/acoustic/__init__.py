@@ -20,7 +20,9 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.acoustic import evologics
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.acoustic import evologics, status
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     WATER,
     AcousticModem,
@@ -33,16 +35,6 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     question,
     transcript_or_judgement,
 )
-from atlantis_netcfg.checklist.probes.acoustic.status import (
-    AcousticReading,
-    Beacon,
-    EvologicsStatus,
-    SeatracStatus,
-    level_words,
-    plain,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, Cell, Consent, Listen, ProbeResult, Question, Step, Transcript
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import AcousticDriver, Column
 from atlantis_netcfg.links import BearerFinding
@@ -68,18 +60,18 @@ class ModemMember:
 
     name: str
     """The row in words."""
-    question: Listen
+    question: base.Listen
     expected_address: int | None
     """Acoustic address or beacon number; None: nobody declares it."""
 
 
-def _requests(members: tuple[ModemMember, ...]) -> tuple[Question, ...]:
+def _requests(members: tuple[ModemMember, ...]) -> tuple[base.Question, ...]:
     return tuple(dict.fromkeys(member.question for member in members))
 
 
-def _transcript(member: ModemMember, results: Mapping[str, Answer]) -> Transcript:
+def _transcript(member: ModemMember, results: Mapping[str, base.Answer]) -> base.Transcript:
     transcript = results[member.question.name]
-    if not isinstance(transcript, Transcript):
+    if not isinstance(transcript, base.Transcript):
         raise TypeError(transcript)
     return transcript
 
@@ -131,13 +123,13 @@ class EvologicsFleet:
 
     members: tuple[ModemMember, ...]
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """The same scripts as the items of the modems themselves."""
         return _requests(self.members)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Compare what `AT&V` told."""
-        readings = {member.name: AcousticReading.of(_transcript(member, results)) for member in self.members}
+        readings = {member.name: status.AcousticReading.of(_transcript(member, results)) for member in self.members}
         result = {
             name: {key: value for key in _COMPARED_SETTINGS if (value := reading.setting(key)) is not None}
             for name, reading in readings.items()
@@ -148,12 +140,13 @@ class EvologicsFleet:
             findings += self._compare(whole, readings)
         findings += _strangers(self.members, {name: values["Local Address"] for name, values in whole.items()})
         evidence = tuple(
-            Evidence(type=EvidenceType.READ, what=name, value=_join_values(values)) for name, values in whole.items()
+            report.Evidence(type=report.EvidenceType.READ, what=name, value=_join_values(values))
+            for name, values in whole.items()
         )
-        return ProbeResult(tuple(findings) or (_agree(whole),), evidence)
+        return base.ProbeResult(tuple(findings) or (_agree(whole),), evidence)
 
     def _compare(
-        self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, AcousticReading]
+        self, result: Mapping[str, Mapping[str, int]], readings: Mapping[str, status.AcousticReading]
     ) -> Iterator[BearerFinding]:
         of = {key: {name: values[key] for name, values in result.items()} for key in _COMPARED_SETTINGS}
         yield from _unique("acoustic address", of["Local Address"])
@@ -204,18 +197,18 @@ class SeatracFleet:
 
     members: tuple[ModemMember, ...]
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """The same scripts as the items of the beacons themselves."""
         return _requests(self.members)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Compare their settings."""
-        beacons = {member.name: Beacon.of(_transcript(member, results)).settings for member in self.members}
+        beacons = {member.name: status.Beacon.of(_transcript(member, results)).settings for member in self.members}
         values = {name: settings for name, settings in beacons.items() if settings is not None}
         findings = [*_not_compared((name for name in beacons if name not in values), len(values))]
         numbers = {name: settings.beacon for name, settings in values.items()}
         sound = {
-            name: "by itself" if settings.auto_sound_speed else f"{plain(settings.sound_speed_mps)} m/s"
+            name: "by itself" if settings.auto_sound_speed else f"{status.plain(settings.sound_speed_mps)} m/s"
             for name, settings in values.items()
         }
         if len(values) > 1:
@@ -224,12 +217,14 @@ class SeatracFleet:
             findings += _same("sound speed", "sound-speed-differs", sound, hint, verdict=Verdict.WARN)
         findings += _strangers(self.members, numbers)
         evidence = tuple(
-            Evidence(type=EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}")
+            report.Evidence(
+                type=report.EvidenceType.READ, what=name, value=f"number {numbers[name]}, sound speed {sound[name]}"
+            )
             for name in values
         )
         number_list = _join_values(numbers)
         success = BearerFinding(Verdict.PASS, "agree", f"the beacons agree with each other; numbers: {number_list}")
-        return ProbeResult(tuple(findings) or (success,), evidence)
+        return base.ProbeResult(tuple(findings) or (success,), evidence)
 
 
 TEXT = "ATLANTIS"
@@ -243,9 +238,9 @@ _DELIVERED_S = 20.0
 """A modem tries again by itself before it gives up."""
 
 
-def message_consent(name: str, partner: int) -> Consent:
+def message_consent(name: str, partner: int) -> base.Consent:
     """What a person has to agree to."""
-    return Consent(
+    return base.Consent(
         question=f"{name} and the modem with the acoustic address {partner} are in the water, nobody dives near them, "
         "and they may transmit one message"
     )
@@ -262,14 +257,14 @@ class EvologicsMessage:
     """Acoustic address; None: any modem may be there, which the modem's own item says."""
     partner: int
     """Acoustic address."""
-    consent: Consent | None
+    consent: base.Consent | None
     """What the step asks a person; without it there is no message to be sent."""
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """State, address, source level, and behind them the message. Raises NeverSaid where no person is asked."""
         return (self._question(),)
 
-    def _question(self) -> Listen:
+    def _question(self) -> base.Listen:
         end_pattern = (
             rb"(?:DELIVERED|FAILED)IM,%d\r?\n|\+\+\+AT\*SENDIM[^:\r\n]*:\d+:(?:ERROR|BUSY)|(?:\A|\n)(?:ERROR|BUSY)"
             % self.partner
@@ -282,20 +277,24 @@ class EvologicsMessage:
         )
         return self.modem.listen(f"message from {self.modem.where}", say, listen_s=0.0, turn=WATER)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge whether it was sent, and what became of it."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self._question().name])
-        if isinstance(transcript, ProbeResult):
+        if isinstance(transcript, base.ProbeResult):
             return transcript
         pieces = evologics.pieces(transcript.data)
         if not any(piece.command for piece in pieces):
-            return ProbeResult((not_understood(self.modem, self.name),))
+            return base.ProbeResult((not_understood(self.modem, self.name),))
         level = evologics.number(evologics.answer(pieces, "AT?L"))
         evidence = (
             ()
             if level is None
             else (
-                Evidence(type=EvidenceType.READ, what="source level before the message", value=level_words(int(level))),
+                report.Evidence(
+                    type=report.EvidenceType.READ,
+                    what="source level before the message",
+                    value=status.level_words(int(level)),
+                ),
             )
         )
         is_accepted = evologics.answer(pieces, "AT*SENDIM") == "OK"
@@ -304,8 +303,8 @@ class EvologicsMessage:
             # The vehicle's own software may send as well: only what follows our own message is its report.
             at = next(place for place, entry in enumerate(pieces) if _is_send(entry) and entry.text == "OK")
             reports = tuple(item.text for item in pieces[at:] if item.command == evologics.NOTIFICATION)
-            return ProbeResult((self._judge_report(reports),), evidence)
-        return ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
+            return base.ProbeResult((self._judge_report(reports),), evidence)
+        return base.ProbeResult((self._judge_refusal(pieces, level, refusal),), evidence)
 
     def _judge_report(self, lines: tuple[str, ...]) -> BearerFinding:
         to = f"the modem with the address {self.partner}"
@@ -335,7 +334,7 @@ class EvologicsMessage:
             hint = "settle the item of the modem itself first"
             return BearerFinding(Verdict.FAIL, "wrong-address", f"{message} {self.expected_address} is declared", hint)
         if level is not None and level not in _LEVELS:
-            message = f"no message was sent: the source level of {self.name} is {level_words(int(level))}"
+            message = f"no message was sent: the source level of {self.name} is {status.level_words(int(level))}"
             hint = "have its crew set a level between 1 and 3 (3 is the quietest), and check again"
             return BearerFinding(Verdict.INCONCLUSIVE, "too-loud", message, hint)
         if refusal:
@@ -358,7 +357,7 @@ def _is_send(piece: evologics.Piece) -> bool:
     return piece.command is not None and piece.command.partition(",")[0] == "AT*SENDIM"
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """The modem itself, once a site and driver the fleet, and a message where a partner is declared."""
     modem = modem_of(cell)
     if modem is None:
@@ -366,21 +365,21 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     return (_status(cell, modem), *_fleet(cell, modem), *_message(cell, modem))
 
 
-def _status(cell: Cell, modem: AcousticModem) -> Step:
+def _status(cell: base.Cell, modem: AcousticModem) -> base.Step:
     endpoint = cell.endpoints.acoustic
     expected_address = endpoint.acoustic_address if endpoint else None
     evologics = modem.driver is AcousticDriver.EVOLOGICS
-    kind = EvologicsStatus if evologics else SeatracStatus
-    return Step(
+    kind = status.EvologicsStatus if evologics else status.SeatracStatus
+    return base.Step(
         name="",
         title=f"The acoustic modem of {cell.name} listens and has its declared settings",
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=kind(modem, cell.name, expected_address, question(cell, modem)),
     )
 
 
-def _fleet(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
+def _fleet(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
     """Give the comparison of all modems of a driver to the first row that has one."""
     same = [(other, its) for other, its in modems(cell, Column.ACOUSTIC) if its.driver is modem.driver]
     if len({its for _, its in same}) < 2 or same[0][0].vehicle != cell.vehicle:  # noqa: PLR2004 - a comparison
@@ -391,16 +390,16 @@ def _fleet(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
         members.setdefault(its, ModemMember(other.name, question(other, its), declared_address(other, its)))
     evologics = modem.driver is AcousticDriver.EVOLOGICS
     who = "EvoLogics modems" if evologics else "SeaTrac beacons"
-    yield Step(
+    yield base.Step(
         name="fleet",
         title=f"The {who} of {cell.site_config.title} agree with each other",
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=(EvologicsFleet if evologics else SeatracFleet)(tuple(members.values())),
     )
 
 
-def _message(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
+def _message(cell: base.Cell, modem: AcousticModem) -> Iterator[base.Step]:
     endpoint = cell.endpoints.acoustic
     if endpoint is None or endpoint.partner is None:
         return
@@ -408,36 +407,36 @@ def _message(cell: Cell, modem: AcousticModem) -> Iterator[Step]:
         yield _sent_by_a_person(cell, endpoint.partner)
         return
     consent = message_consent(cell.name, endpoint.partner)
-    yield Step(
+    yield base.Step(
         name="message",
         title=f"A message of {cell.name} reaches the modem with the acoustic address {endpoint.partner}",
-        kind=ItemKind.ACTIVE,
-        phase=Phase.WATER,
+        kind=report.ItemKind.ACTIVE,
+        phase=report.Phase.WATER,
         probe=EvologicsMessage(modem, cell.name, endpoint.acoustic_address, endpoint.partner, consent),
         consent=consent,
     )
 
 
-def _sent_by_a_person(cell: Cell, partner: int) -> Step:
+def _sent_by_a_person(cell: base.Cell, partner: int) -> base.Step:
     """A SeaTrac beacon pings (column USBL); this tool sends no data by it."""
-    return Step(
+    return base.Step(
         name="message",
         title=f"A message of {cell.name} reaches the beacon {partner}",
-        kind=ItemKind.PERSON,
-        phase=Phase.WATER,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.WATER,
         do=f"With both in the water, let the software of {cell.name} send data to the beacon {partner}.",
         look_for="The other vehicle shows what was sent, and the sender the acknowledgement.",
     )
 
 
-def _by_a_person(cell: Cell) -> Step:
+def _by_a_person(cell: base.Cell) -> base.Step:
     is_declared = cell.endpoints.acoustic is not None
     why = "has no address at this site" if is_declared else "is not declared"
-    return Step(
+    return base.Step(
         name="",
         title=f"The acoustic modem of {cell.name} sends and hears",
-        kind=ItemKind.PERSON,
-        phase=Phase.WATER,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.WATER,
         do=f"The modem of {cell.name} {why}, so nobody can ask it. In the water, and never in air, let the vehicle's "
         "software send a message to another modem of the test, and one back.",
         look_for="Both are acknowledged; the modem tells no alarm; its acoustic address is its own, and none of the "

@@ -19,21 +19,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
-from atlantis_netcfg.checklist.probes.step import (
-    Answer,
-    Cell,
-    Consent,
-    Listen,
-    Place,
-    ProbeResult,
-    Say,
-    Transcript,
-    Trouble,
-)
 from atlantis_netcfg.core.errors import NetcfgError
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import AcousticDriver, AcousticEndpoint, Column, UsblEndpoint
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
@@ -166,35 +156,35 @@ def _unless(modem_command: ModemCommand, data: bytes, *, active: bool) -> str | 
     return f"{data!r} {modem_command.what}: it is never sent"
 
 
-def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> Say:
+def _say(data: bytes, until: bytes, within_s: float, *, active: bool) -> base.Say:
     """Make the only kind of saying that a modem gets. Raises NeverSaid."""
     if reason := refused_reason(data, active=active):
         raise NeverSaid(reason, hint="a probe sends what `checklist/probes/acoustic/modem.py` lists, nothing else")
-    return Say(data, until, within_s)
+    return base.Say(data, until, within_s)
 
 
-def ask_at(query: str, until: bytes, *, within_s: float = _READ_S) -> Say:
+def ask_at(query: str, until: bytes, *, within_s: float = _READ_S) -> base.Say:
     """Ask an EvoLogics modem something that only reads: `AT?S`. Raises NeverSaid."""
     return _say(b"+++" + query.encode() + b"\n", until, within_s, active=False)
 
 
-def ask_seatrac(number: int, until: bytes, *, within_s: float = _READ_S) -> Say:
+def ask_seatrac(number: int, until: bytes, *, within_s: float = _READ_S) -> base.Say:
     """Ask a SeaTrac beacon something that only reads. Raises NeverSaid."""
     return _say(seatrac.command(bytes([number])), until, within_s, active=False)
 
 
-def message(text: str, to: int, consent: Consent | None, until: bytes, *, within_s: float) -> Say:
+def message(text: str, to: int, consent: base.Consent | None, until: bytes, *, within_s: float) -> base.Say:
     """Transmit a message by an EvoLogics modem, which only a step can that asks for consent. Raises NeverSaid."""
     data = f"+++AT*SENDIM,{len(text)},{to},ack,{text}\n".encode()
     return _say(data, until, within_s, active=_asks(consent))
 
 
-def ping(beacon: int, consent: Consent | None, until: bytes, *, within_s: float) -> Say:
+def ping(beacon: int, consent: base.Consent | None, until: bytes, *, within_s: float) -> base.Say:
     """Ping another beacon by a SeaTrac one, which only a step can that asks for consent. Raises NeverSaid."""
     return _say(seatrac.command(bytes([_PING, beacon, _WITH_USBL])), until, within_s, active=_asks(consent))
 
 
-def _asks(consent: Consent | None) -> bool:
+def _asks(consent: base.Consent | None) -> bool:
     """Whether a person is asked, and asked whether the modem is in the water."""
     return consent is not None and _IN_WATER in consent.question
 
@@ -203,7 +193,7 @@ WATER = "water"
 """The turn of what transmits: one at a time, or they drown each other."""
 _FIXES = 3
 """So many of each expected address are enough: listening ends."""
-_BAUD = {AcousticDriver.EVOLOGICS: 19200, AcousticDriver.SEATRAC: 115200}
+_BAUD = {model.AcousticDriver.EVOLOGICS: 19200, model.AcousticDriver.SEATRAC: 115200}
 _QUERIES = ("AT?S", "AT&V", "AT?AL", "AT?L", "AT?ZU", "AT?E", "AT?I", "AT?T", "ATI0", "ATI1", "AT?BV")
 """What matters most comes first: after a query that is not answered no other is asked."""
 _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatrac.TRANSCEIVER)
@@ -213,8 +203,8 @@ _NUMBERS = (seatrac.ALIVE, seatrac.INFO, seatrac.SETTINGS, seatrac.STATUS, seatr
 class AcousticModem:
     """One end that a script goes to."""
 
-    driver: AcousticDriver
-    place: Place
+    driver: model.AcousticDriver
+    place: base.Place
     address: str
     port: int
     device: str
@@ -223,14 +213,14 @@ class AcousticModem:
     @property
     def where(self) -> str:
         """In words: `10.64.1.21:9200`, `/dev/ttyUSB0 of the gateway`."""
-        computer = "this laptop" if self.place is Place.LAPTOP else "the gateway"
+        computer = "this laptop" if self.place is base.Place.LAPTOP else "the gateway"
         return f"{self.device} of {computer}" if self.device else f"{self.address}:{self.port}"
 
     def listen(
-        self, name: str, say: tuple[Say, ...], *, listen_s: float, enough: bytes = b"", turn: str = ""
-    ) -> Listen:
+        self, name: str, say: tuple[base.Say, ...], *, listen_s: float, enough: bytes = b"", turn: str = ""
+    ) -> base.Listen:
         """A script for it."""
-        return Listen(
+        return base.Listen(
             name=name,
             place=self.place,
             transport="serial" if self.device else "tcp",
@@ -245,7 +235,7 @@ class AcousticModem:
         )
 
 
-def modem_of(cell: Cell) -> AcousticModem | None:
+def modem_of(cell: base.Cell) -> AcousticModem | None:
     """The modem of a cell in the columns acoustic and USBL; None: none is declared, or nobody says where it is."""
     endpoint = _endpoint(cell)
     if endpoint is None:
@@ -257,22 +247,22 @@ def modem_of(cell: Cell) -> AcousticModem | None:
     return AcousticModem(endpoint.driver, place, address, endpoint.port, "", 0) if address else None
 
 
-def _endpoint(cell: Cell) -> AcousticEndpoint | UsblEndpoint | None:
-    return cell.endpoints.usbl if cell.endpoint == Column.USBL else cell.endpoints.acoustic
+def _endpoint(cell: base.Cell) -> model.AcousticEndpoint | model.UsblEndpoint | None:
+    return cell.endpoints.usbl if cell.endpoint == model.Column.USBL else cell.endpoints.acoustic
 
 
-def modems(cell: Cell, column: Column) -> Iterator[tuple[Cell, AcousticModem]]:
+def modems(cell: base.Cell, column: model.Column) -> Iterator[tuple[base.Cell, AcousticModem]]:
     """The modems of all rows that are tested at the site, with their cells; the site's own comes last."""
     here = cell.site_config.checklist.vehicles
     for row in (*(key for key in cell.declaration.vehicles if here is None or key in here), None):
-        other = Cell(cell.declaration, cell.site, row, column)
+        other = base.Cell(cell.declaration, cell.site, row, column)
         if modem := modem_of(other):
             yield other, modem
 
 
-def declared_address(cell: Cell, modem: AcousticModem) -> int | None:
+def declared_address(cell: base.Cell, modem: AcousticModem) -> int | None:
     """The acoustic address of a modem, as the acoustic column of any row declares it; None: nobody does."""
-    same = (other.endpoints.acoustic for other, its in modems(cell, Column.ACOUSTIC) if its == modem)
+    same = (other.endpoints.acoustic for other, its in modems(cell, model.Column.ACOUSTIC) if its == modem)
     return next(
         (
             endpoint.acoustic_address
@@ -283,9 +273,9 @@ def declared_address(cell: Cell, modem: AcousticModem) -> int | None:
     )
 
 
-def question(cell: Cell, modem: AcousticModem) -> Listen:
+def question(cell: base.Cell, modem: AcousticModem) -> base.Listen:
     """What is asked of a modem, whoever wants to know: reading queries, then the longest listening that is wanted."""
-    usbl = [item.endpoints.usbl for item, other in modems(cell, Column.USBL) if other == modem]
+    usbl = [item.endpoints.usbl for item, other in modems(cell, model.Column.USBL) if other == modem]
     endpoints = [endpoint for endpoint in usbl if endpoint is not None]
     return modem.listen(
         f"modem at {modem.where}",
@@ -295,27 +285,27 @@ def question(cell: Cell, modem: AcousticModem) -> Listen:
     )
 
 
-def _script(driver: AcousticDriver) -> tuple[Say, ...]:
-    if driver is AcousticDriver.SEATRAC:
+def _script(driver: model.AcousticDriver) -> tuple[base.Say, ...]:
+    if driver is model.AcousticDriver.SEATRAC:
         return tuple(ask_seatrac(number, rb"(?i)\$%02X[0-9A-F]+[\r\n]" % number) for number in _NUMBERS)
     return tuple(ask_at(query, evologics.reply_pattern(query)) for query in _QUERIES)
 
 
-def _enough(driver: AcousticDriver, endpoints: list[UsblEndpoint]) -> bytes:
+def _enough(driver: model.AcousticDriver, endpoints: list[model.UsblEndpoint]) -> bytes:
     """Some whole fixes of every address that is expected; nothing, where nobody listens for any."""
     addresses = sorted({address for endpoint in endpoints for address in endpoint.hears})
     remotes: list[int | None] = list(addresses)
     if any(not endpoint.hears for endpoint in endpoints):
         remotes.append(None)
     pattern = b"".join(b"(?=(?:.*?%b){%d})" % (_fix_of(driver, remote), _FIXES) for remote in remotes)
-    if not pattern or driver is AcousticDriver.SEATRAC:
+    if not pattern or driver is model.AcousticDriver.SEATRAC:
         return rb"(?s)\A" + pattern if pattern else b""
     # Whose output of fixes is switched off need not be listened to.
     return rb"(?s)\A(?:%b|.*?\+\+\+AT\?ZU:1:0\r\n)" % pattern
 
 
-def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
-    if driver is AcousticDriver.SEATRAC:
+def _fix_of(driver: model.AcousticDriver, remote: int | None) -> bytes:
+    if driver is model.AcousticDriver.SEATRAC:
         return rb"\$(?:42|52)[0-9A-Fa-f]{2}%b[0-9A-Fa-f]+[\r\n]" % (
             rb"[0-9A-Fa-f]{2}" if remote is None else rb"(?i:%02X)" % remote
         )
@@ -324,52 +314,52 @@ def _fix_of(driver: AcousticDriver, remote: int | None) -> bytes:
     )
 
 
-LANGUAGE = {AcousticDriver.EVOLOGICS: "an EvoLogics modem", AcousticDriver.SEATRAC: "a SeaTrac beacon"}
+LANGUAGE = {model.AcousticDriver.EVOLOGICS: "an EvoLogics modem", model.AcousticDriver.SEATRAC: "a SeaTrac beacon"}
 _IN_USE = (
     "look at the modem's topic in the vehicle's own software; stop that software only if the vehicle's crew agrees, "
     "and check again"
 )
 
 
-_WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
-    Trouble.REFUSED: (
+_WORDS: Mapping[base.Trouble | None, tuple[Verdict, str, str, str]] = {
+    base.Trouble.REFUSED: (
         Verdict.INCONCLUSIVE,
         "in-use",
         "the modem of {name} turns us away at {where}: it is in use by the vehicle",
         _IN_USE,
     ),
-    Trouble.BUSY: (
+    base.Trouble.BUSY: (
         Verdict.INCONCLUSIVE,
         "in-use",
         "the modem of {name} is in use: another program holds {where}",
         _IN_USE,
     ),
-    Trouble.SILENT: (
+    base.Trouble.SILENT: (
         Verdict.INCONCLUSIVE,
         "silent",
         "nobody answers for the modem of {name} at {where}",
         "switch the modem on, and look whether its address is that of the declaration; or it is in use by the vehicle: "
         + _IN_USE,
     ),
-    Trouble.UNREACHABLE: (
+    base.Trouble.UNREACHABLE: (
         Verdict.INCONCLUSIVE,
         "unreachable",
         "there is no way to the modem of {name} at {where}",
         "look at the vehicle's link to the site first: its Wi-Fi or its cable",
     ),
-    Trouble.MISSING: (
+    base.Trouble.MISSING: (
         Verdict.FAIL,
         "no-port",
         "the serial port {where} for the modem of {name} does not exist",
         "plug the modem's cable in, or correct `device` in the declaration",
     ),
-    Trouble.DENIED: (
+    base.Trouble.DENIED: (
         Verdict.INCONCLUSIVE,
         "denied",
         "we may not open {where} for the modem of {name}",
         "put the account that checks into the group `dialout` of that computer",
     ),
-    Trouble.NO_PLACE: (
+    base.Trouble.NO_PLACE: (
         Verdict.INCONCLUSIVE,
         "no-place",
         "the modem of {name} was not asked: {words}",
@@ -385,23 +375,23 @@ _WORDS: Mapping[Trouble | None, tuple[Verdict, str, str, str]] = {
 """Verdict, code, sentence and hint of a modem that has not said a word."""
 
 
-def trouble(modem: AcousticModem, name: str, transcript: Transcript) -> BearerFinding | None:
+def trouble(modem: AcousticModem, name: str, transcript: base.Transcript) -> BearerFinding | None:
     """Say why the modem of a row could not be read; None: it has said something."""
     if transcript.data:
         return None
     # Who serves one client only hangs up on the second, or refuses it: both mean the same here.
-    cause = Trouble.REFUSED if transcript.trouble is Trouble.CLOSED else transcript.trouble
+    cause = base.Trouble.REFUSED if transcript.trouble is base.Trouble.CLOSED else transcript.trouble
     verdict, code, message, hint = _WORDS[cause]
     words = transcript.words or "nobody could ask it"
     return BearerFinding(verdict, code, message.format(name=name, where=modem.where, words=words), hint)
 
 
-def transcript_or_judgement(modem: AcousticModem, name: str, answer: Answer) -> Transcript | ProbeResult:
+def transcript_or_judgement(modem: AcousticModem, name: str, answer: base.Answer) -> base.Transcript | base.ProbeResult:
     """Give what a modem has said, or the judgement of one that could not be read."""
-    if not isinstance(answer, Transcript):
+    if not isinstance(answer, base.Transcript):
         raise TypeError(answer)
     finding = trouble(modem, name, answer)
-    return answer if finding is None else ProbeResult((finding,))
+    return answer if finding is None else base.ProbeResult((finding,))
 
 
 def not_understood(modem: AcousticModem, name: str) -> BearerFinding:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.acoustic import evologics, seatrac
 from atlantis_netcfg.checklist.probes.acoustic.modem import (
     AcousticModem,
@@ -16,7 +17,6 @@ from atlantis_netcfg.checklist.probes.acoustic.modem import (
     two_modems,
     whose_unknown,
 )
-from atlantis_netcfg.checklist.probes.step import Answer, Listen, ProbeResult, Question, Transcript
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
@@ -97,7 +97,7 @@ class AcousticReading:
     settings: evologics.EvologicsSettings | None
 
     @classmethod
-    def of(cls, transcript: Transcript) -> AcousticReading:
+    def of(cls, transcript: base.Transcript) -> AcousticReading:
         """Read a transcript."""
         replies = evologics.pieces(transcript.data)
         return cls(replies, evologics.settings(replies))
@@ -149,21 +149,21 @@ class EvologicsStatus:
     """The row in words."""
     expected_address: int | None
     """Acoustic address."""
-    question: Listen
+    question: base.Listen
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """One script of reading queries."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge what the modem told."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, ProbeResult):
+        if isinstance(transcript, base.ProbeResult):
             return transcript
         reading = AcousticReading.of(transcript)
         if not reading.is_evologics:
-            return ProbeResult((not_understood(self.modem, self.name),))
-        return ProbeResult(tuple(self._findings(reading)), tuple(_evidence(reading)))
+            return base.ProbeResult((not_understood(self.modem, self.name),))
+        return base.ProbeResult(tuple(self._findings(reading)), tuple(_evidence(reading)))
 
     def _findings(self, reading: AcousticReading) -> Iterator[BearerFinding]:
         yield self._state(reading)
@@ -285,7 +285,7 @@ class Beacon:
     """Every one that was told: more than one is two beacons at one end."""
 
     @classmethod
-    def of(cls, transcript: Transcript) -> Beacon:
+    def of(cls, transcript: base.Transcript) -> Beacon:
         """Read a transcript."""
         replies = seatrac.answers(transcript.data)
         state = seatrac.last(replies, seatrac.TRANSCEIVER)
@@ -300,7 +300,7 @@ class Beacon:
         )
 
 
-def damage(name: str, transcript: Transcript) -> BearerFinding | None:
+def damage(name: str, transcript: base.Transcript) -> BearerFinding | None:
     """Say that answers came with a wrong sum."""
     damage_count = seatrac.count_damaged(transcript.data)
     if not damage_count:
@@ -320,23 +320,25 @@ class SeatracStatus:
     """The row in words."""
     expected_address: int | None
     """Beacon id."""
-    question: Listen
+    question: base.Listen
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """One script of reading commands."""
         return (self.question,)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge what the beacon told."""
         transcript = transcript_or_judgement(self.modem, self.name, results[self.question.name])
-        if isinstance(transcript, ProbeResult):
+        if isinstance(transcript, base.ProbeResult):
             return transcript
         damage_finding = damage(self.name, transcript)
         beacon = Beacon.of(transcript)
         if not beacon.replies:
-            return ProbeResult((damage_finding or not_understood(self.modem, self.name),))
+            return base.ProbeResult((damage_finding or not_understood(self.modem, self.name),))
         findings = (self._state(beacon), *self._number(beacon), *self._sound(beacon))
-        return ProbeResult((*findings, damage_finding) if damage_finding else findings, tuple(_beacon_evidence(beacon)))
+        return base.ProbeResult(
+            (*findings, damage_finding) if damage_finding else findings, tuple(_beacon_evidence(beacon))
+        )
 
     def _state(self, beacon: Beacon) -> BearerFinding:
         who, state = f"the beacon of {self.name}", beacon.state

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import Any, Iterable, Mapping, Sequence
 
-from atlantis_netcfg.checklist.probes.step import (
+from atlantis_netcfg.checklist.probes.base import (
     Answer,
     CommandResult,
     DdsDiscoverRequest,

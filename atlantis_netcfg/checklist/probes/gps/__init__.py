@@ -21,26 +21,13 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.gps import gpsd, nmea
 from atlantis_netcfg.checklist.probes.gps.judge import evidence, judge
 from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Nature, Reception, Report, describe_trouble
-from atlantis_netcfg.checklist.probes.step import (
-    Answer,
-    Cell,
-    Listen,
-    Place,
-    Probe,
-    ProbeResult,
-    Question,
-    RouterOsQuery,
-    Rows,
-    Say,
-    Step,
-    Transcript,
-)
 from atlantis_netcfg.checklist.report import ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import GpsDriver, GpsEndpoint, VehicleKind
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
 
@@ -72,12 +59,12 @@ _SECONDS = {"w": 604_800.0, "d": 86_400.0, "h": 3600.0, "m": 60.0, "s": 1.0, "ms
 _PART = r"(\d+(?:\.\d+)?)(ms|[wdhms])"
 
 
-def is_enabled(settings: Rows) -> bool | None:
+def is_enabled(settings: base.Rows) -> bool | None:
     """Whether the receiver is switched on; None: nobody says."""
     return _YES.get(settings.rows[0].get("enabled", "")) if settings.rows else None
 
 
-def read_monitor(monitor: Rows, clock: Rows | None = None) -> Reception:
+def read_monitor(monitor: base.Rows, clock: base.Rows | None = None) -> Reception:
     """Understand the one row; `clock`: the device's own, for its time zone. Raises nothing."""
     row = monitor.rows[0] if monitor.rows else {}
     age_s = _age(row.get("data-age", ""))
@@ -139,7 +126,7 @@ def _age(text: str) -> float:
     return sum(float(count) * _SECONDS[unit] for count, unit in re.findall(_PART, text))
 
 
-def _zone_s(clock: Rows | None) -> float:
+def _zone_s(clock: base.Rows | None) -> float:
     """How far the device's clock is ahead of UTC: `gmt-offset` is `+01:00`."""
     text = clock.rows[0].get("gmt-offset", "") if clock is not None and clock.rows else ""
     match = re.fullmatch(r"([+-])(\d\d):(\d\d)", text)
@@ -151,18 +138,18 @@ class StreamGps:
     """The receiver has a fresh fix in the right place, and keeps it."""
 
     expectation: GpsExpectation
-    place: Place
+    place: base.Place
     address: str = ""
     port: int = 0
     device: str = ""
     baud: int = 0
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Listen to the stream: gpsd is asked to speak, all others do by themselves."""
-        speaks_json = self.expectation.driver is GpsDriver.GPSD
+        speaks_json = self.expectation.driver is model.GpsDriver.GPSD
         count = self.expectation.reports
         return (
-            Listen(
+            base.Listen(
                 name="positions",
                 place=self.place,
                 transport="serial" if self.device else "tcp",
@@ -170,22 +157,22 @@ class StreamGps:
                 port=self.port,
                 device=self.device,
                 baud=self.baud,
-                say=(Say(gpsd.WATCH, gpsd.WATCH_REPLY),) if speaks_json else (),
+                say=(base.Say(gpsd.WATCH, gpsd.WATCH_REPLY),) if speaks_json else (),
                 listen_s=5.0 + 2 * count,
                 enough=gpsd.enough(count) if speaks_json else nmea.enough(count),
             ),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the stream."""
         answer = results["positions"]
-        assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
-        reception = (gpsd if self.expectation.driver is GpsDriver.GPSD else nmea).read(answer)
+        assert isinstance(answer, base.Transcript)  # noqa: S101 - what Listen gives
+        reception = (gpsd if self.expectation.driver is model.GpsDriver.GPSD else nmea).read(answer)
         if answer.words and answer.trouble is None:
             # The other end hung up in between.
             reception = replace(reception, complaints=(*reception.complaints, answer.words))
         if answer.trouble is not None and not reception.reports:
-            return ProbeResult(
+            return base.ProbeResult(
                 (describe_trouble(answer.trouble, answer.words, self.expectation),),
                 evidence(reception, self.expectation),
             )
@@ -199,26 +186,26 @@ class RouterosGps:
     expectation: GpsExpectation
     host: str
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Ask for the latest position, whether the receiver is switched on, and for the zone of its time."""
         queries = {"monitor": GPS_MONITOR, "settings": GPS_SETTINGS, "clock": CLOCK_QUERY}
-        return tuple(RouterOsQuery(name, self.host, query) for name, query in queries.items())
+        return tuple(base.RouterOsQuery(name, self.host, query) for name, query in queries.items())
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the one position."""
         monitor, settings, clock = results["monitor"], results["settings"], results["clock"]
-        assert isinstance(monitor, Rows)  # noqa: S101 - what Ask gives
-        assert isinstance(settings, Rows)  # noqa: S101 - what Ask gives
-        assert isinstance(clock, Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(monitor, base.Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(settings, base.Rows)  # noqa: S101 - what Ask gives
+        assert isinstance(clock, base.Rows)  # noqa: S101 - what Ask gives
         if monitor.trouble is not None:
-            return ProbeResult((describe_trouble(monitor.trouble, monitor.words, self.expectation),))
+            return base.ProbeResult((describe_trouble(monitor.trouble, monitor.words, self.expectation),))
         reception = read_monitor(monitor, clock)
         unknown = settings.rows is None and settings.trouble is None
         if unknown or is_enabled(settings) is False:
-            return ProbeResult((self._off(settings),), evidence(reception, self.expectation))
+            return base.ProbeResult((self._off(settings),), evidence(reception, self.expectation))
         return _judge_reception(reception, self.expectation)
 
-    def _off(self, settings: Rows) -> BearerFinding:
+    def _off(self, settings: base.Rows) -> BearerFinding:
         if settings.rows is None:
             message = f"{self.host} does not know `/system gps`"
             return BearerFinding(
@@ -236,20 +223,20 @@ class Nowhere:
 
     name: str
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Ask nothing."""
         return ()
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Say what is missing."""
         del results
         message = f"nobody has declared the address of {self.name}'s receiver"
         hint = f"declare `address:` under its `endpoints.gps`, or a DHCP reservation with the name of {self.name}'s key"
-        return ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
+        return base.ProbeResult((BearerFinding(Verdict.INCONCLUSIVE, "no-address", message, hint),))
 
 
-def _judge_reception(reception: Reception, expectation: GpsExpectation) -> ProbeResult:
-    return ProbeResult(judge(reception, expectation), evidence(reception, expectation))
+def _judge_reception(reception: Reception, expectation: GpsExpectation) -> base.ProbeResult:
+    return base.ProbeResult(judge(reception, expectation), evidence(reception, expectation))
 
 
 GPSD_PORT = 2947
@@ -258,13 +245,13 @@ NMEA_PORT = 10110
 """IANA: nmea-0183."""
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the one step of a cell: a probe where an endpoint is declared, else a person's."""
     endpoint = cell.endpoints.gps
     if endpoint is None:
         return (_by_a_person(cell),)
     return (
-        Step(
+        base.Step(
             name="",
             title=f"{cell.name} knows where it is",
             kind=ItemKind.AUTOMATIC,
@@ -275,9 +262,9 @@ def steps(cell: Cell) -> tuple[Step, ...]:
     )
 
 
-def _by_a_person(cell: Cell) -> Step:
+def _by_a_person(cell: base.Cell) -> base.Step:
     dimensions = "3D" if _flies(cell) else "2D or 3D"
-    return Step(
+    return base.Step(
         name="",
         title=f"{cell.name} knows where it is",
         kind=ItemKind.PERSON,
@@ -287,32 +274,32 @@ def _by_a_person(cell: Cell) -> Step:
     )
 
 
-def _flies(cell: Cell) -> bool:
-    return cell.vehicle is not None and cell.declaration.vehicles[cell.vehicle].kind is VehicleKind.UAV
+def _flies(cell: base.Cell) -> bool:
+    return cell.vehicle is not None and cell.declaration.vehicles[cell.vehicle].kind is model.VehicleKind.UAV
 
 
-def _probe(cell: Cell, endpoint: GpsEndpoint) -> Probe:
-    if endpoint.driver is GpsDriver.ROUTEROS:
+def _probe(cell: base.Cell, endpoint: model.GpsEndpoint) -> base.Probe:
+    if endpoint.driver is model.GpsDriver.ROUTEROS:
         host = endpoint.seen_by or (cell.router.name if cell.router else None)
         if host is None:
             return Nowhere(cell.name)
         return RouterosGps(_expectation(cell, endpoint, f"GPS of {host}", host, host), host)
     place = cell.place(endpoint.seen_from)
     stands = _name(cell, place)
-    if endpoint.driver is GpsDriver.NMEA_SERIAL:
+    if endpoint.driver is model.GpsDriver.NMEA_SERIAL:
         end = f"{endpoint.device} of {stands}"
         expectation = _expectation(cell, endpoint, f"NMEA from {end}", end, stands)
         return StreamGps(expectation, place, device=endpoint.device or "", baud=endpoint.baud)
     address = cell.address(endpoint.address)
     if address is None:
         return Nowhere(cell.name)
-    port = endpoint.port or (GPSD_PORT if endpoint.driver is GpsDriver.GPSD else NMEA_PORT)
+    port = endpoint.port or (GPSD_PORT if endpoint.driver is model.GpsDriver.GPSD else NMEA_PORT)
     end = f"{address}:{port}"
-    source = f"gpsd at {end}" if endpoint.driver is GpsDriver.GPSD else f"NMEA from {end}"
+    source = f"gpsd at {end}" if endpoint.driver is model.GpsDriver.GPSD else f"NMEA from {end}"
     return StreamGps(_expectation(cell, endpoint, source, end, stands), place, address=address, port=port)
 
 
-def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place: str) -> GpsExpectation:
+def _expectation(cell: base.Cell, endpoint: model.GpsEndpoint, source: str, end: str, place: str) -> GpsExpectation:
     return GpsExpectation(
         name=cell.name,
         driver=endpoint.driver,
@@ -327,12 +314,12 @@ def _expectation(cell: Cell, endpoint: GpsEndpoint, source: str, end: str, place
     )
 
 
-def _name(cell: Cell, place: Place) -> str:
-    return cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else "this computer"
+def _name(cell: base.Cell, place: base.Place) -> str:
+    return cell.gateway.name if place is base.Place.GATEWAY and cell.gateway is not None else "this computer"
 
 
-def _concerns(cell: Cell, endpoint: GpsEndpoint) -> tuple[str, ...]:
-    if endpoint.driver is GpsDriver.ROUTEROS:
+def _concerns(cell: base.Cell, endpoint: model.GpsEndpoint) -> tuple[str, ...]:
+    if endpoint.driver is model.GpsDriver.ROUTEROS:
         return tuple(filter(None, (endpoint.seen_by or (cell.router.name if cell.router else None),)))
     stands = _name(cell, cell.place(endpoint.seen_from))
     return () if stands == "this computer" else (stands,)

@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, lines
+from atlantis_netcfg.checklist.probes.gps import record
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Transcript
+    from atlantis_netcfg.checklist.probes.base import Transcript
 
 WATCH = b'?WATCH={"enable":true,"json":true};\n'
 WATCH_REPLY = rb'"class":"WATCH"'
-_STATUS = {5: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
+_STATUS = {5: record.Nature.DEAD_RECKONING, 7: record.Nature.MANUAL, 8: record.Nature.SIMULATED}
 _TPV = rb'\{"class":"TPV"'
 _OTHERS = rb'(?:(?!\{"class":"TPV")[^\n]*\n)*'
 
@@ -37,7 +37,7 @@ def enough(reports: int) -> bytes:
 
 @dataclass
 class _GpsdReading:
-    reports: dict[str, list[Report]] = field(default_factory=dict)
+    reports: dict[str, list[record.Report]] = field(default_factory=dict)
     open_devices: dict[str, bool] | None = None
     version: str = ""
     satellites: dict[str, int] = field(default_factory=dict)
@@ -97,16 +97,16 @@ _LONGEST = 120
 _CLASSES = frozenset({"VERSION", "DEVICES", "DEVICE", "TPV", "SKY", "ERROR"})
 
 
-def read(transcript: Transcript) -> Reception:
+def read(transcript: Transcript) -> record.Reception:
     """Understand what gpsd said; of several receivers the one that has most fixes. Raises nothing."""
     reading = _GpsdReading()
-    for at_s, line in lines(transcript):
+    for at_s, line in record.lines(transcript):
         if line.strip():
             reading.take(at_s, line)
     device, reports = max(reading.reports.items(), key=lambda item: sum(r.has_fix for r in item[1]), default=("", []))
     others = {path: its for path, its in reading.reports.items() if path != device}
     open_devices = reading.open_devices
-    return Reception(
+    return record.Reception(
         reports=_complete(reports),
         is_recognized=reading.is_recognized,
         heard_bytes=len(transcript.data),
@@ -125,7 +125,7 @@ def read(transcript: Transcript) -> Reception:
     )
 
 
-def _complete(reports: Sequence[Report]) -> tuple[Report, ...]:
+def _complete(reports: Sequence[record.Report]) -> tuple[record.Report, ...]:
     """Leave out those that are not whole yet, unless there are no others."""
     whole = tuple(item for item in reports if not item.has_fix or item.latitude is not None or item.time is not None)
     return whole if any(report.has_fix for report in whole) else tuple(reports)
@@ -139,15 +139,15 @@ def _parse_line(line: bytes) -> dict[str, Any] | None:
     return reply if isinstance(reply, dict) and isinstance(reply.get("class"), str) else None
 
 
-def _report(at_s: float, values: Mapping[str, Any]) -> Report:
+def _report(at_s: float, values: Mapping[str, Any]) -> record.Report:
     mode, status = values.get("mode"), values.get("status")
-    return Report(
+    return record.Report(
         at_s=at_s,
         mode=mode if isinstance(mode, int) and not isinstance(mode, bool) else None,
         latitude=_number(values.get("lat")),
         longitude=_number(values.get("lon")),
         time=_time(values.get("time")),
-        nature=_STATUS.get(status, Nature.MEASURED) if isinstance(status, int) else Nature.MEASURED,
+        nature=_STATUS.get(status, record.Nature.MEASURED) if isinstance(status, int) else record.Nature.MEASURED,
         eph_m=_number(values.get("eph")),
         speed_m_s=_number(values.get("speed")),
     )

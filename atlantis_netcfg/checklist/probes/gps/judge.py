@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.gps.record import DAY_S, Nature, at_day, speechless
+from atlantis_netcfg.checklist.probes.gps import record
 from atlantis_netcfg.checklist.report import Evidence, EvidenceType
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
@@ -15,7 +15,6 @@ from atlantis_netcfg.links import BearerFinding
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from atlantis_netcfg.checklist.probes.gps.record import GpsExpectation, Reception, Report
 
 RADIUS_M = 6_371_008.8
 """Mean radius of WGS 84."""
@@ -79,16 +78,16 @@ RIVAL_M = 100.0
 _Positions = list[tuple[float, float]]
 
 
-def judge(reception: Reception, expectation: GpsExpectation) -> tuple[BearerFinding, ...]:
+def judge(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[BearerFinding, ...]:
     """Give all findings; a source that is well in every respect has one, which passes."""
-    silent = speechless(reception, expectation)
+    silent = record.speechless(reception, expectation)
     if silent is not None:
         return (silent,)
     findings = tuple(_find_problems(reception, expectation))
     return findings or (_well(reception, expectation),)
 
 
-def _find_problems(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _find_problems(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     yield from _fix_findings(reception, expectation)
     if reception.fixes:
         yield from _dimensions(reception, expectation)
@@ -104,7 +103,7 @@ def _find_problems(reception: Reception, expectation: GpsExpectation) -> Iterato
         yield BearerFinding(verdict, "damaged", message, hint)
 
 
-def _fix_findings(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _fix_findings(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     """Whether there is a fix, and whether it stays."""
     sky = Verdict.FAIL if expectation.clear_sky else Verdict.INCONCLUSIVE
     roof = "" if expectation.clear_sky else ", and the antenna may be under a roof (`clear_sky: false`)"
@@ -135,7 +134,7 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _dimensions(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _dimensions(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     if expectation.three and reception.fixes[-1].mode == 2:  # noqa: PLR2004 - 2D
         message = f"{expectation.name} has a 2D fix and flies: its height is not measured"
         yield BearerFinding(
@@ -143,7 +142,7 @@ def _dimensions(reception: Reception, expectation: GpsExpectation) -> Iterator[B
         )
 
 
-def _check_position(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _check_position(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     """Judge where the fixes are; one that is impossible says so and nothing else."""
     impossible = [report for report in reception.fixes if not report.possible]
     if impossible:
@@ -168,11 +167,13 @@ def _check_position(reception: Reception, expectation: GpsExpectation) -> Iterat
         yield BearerFinding(Verdict.WARN, "no-geofence", message, "declare `checklist.geofence` of the site")
 
 
-def _position(report: Report) -> tuple[float, float]:
+def _position(report: record.Report) -> tuple[float, float]:
     return report.latitude or 0.0, report.longitude or 0.0
 
 
-def _jumps(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _jumps(
+    fixes: Sequence[record.Report], positions: _Positions, expectation: record.GpsExpectation
+) -> Iterator[BearerFinding]:
     gaps = (then.at_s - report.at_s for report, then in pairwise(fixes))
     steps = [(distance_m(*item, *then), gap) for (item, then), gap in zip(pairwise(positions), gaps, strict=True)]
     wide = [step_m for step_m, gap in steps if step_m > JUMP_M + SPEED_M_S * gap]
@@ -186,7 +187,9 @@ def _jumps(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpec
         )
 
 
-def _frozen(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _frozen(
+    fixes: Sequence[record.Report], positions: _Positions, expectation: record.GpsExpectation
+) -> Iterator[BearerFinding]:
     """A driver that repeats a position while time and speed go on."""
     speeds = [fix.speed_m_s for fix in fixes]
     lasted_s = fixes[-1].at_s - fixes[0].at_s
@@ -200,7 +203,7 @@ def _frozen(fixes: Sequence[Report], positions: _Positions, expectation: GpsExpe
 
 
 def _rivals(
-    reception: Reception, position: tuple[float, float], expectation: GpsExpectation
+    reception: record.Reception, position: tuple[float, float], expectation: record.GpsExpectation
 ) -> Iterator[BearerFinding]:
     """Another receiver at the same end that has a fix somewhere else: nobody knows which one the vehicle uses."""
     apart = [distance_m(*position, *_position(rival)) for rival in reception.rivals if rival.possible]
@@ -212,7 +215,7 @@ def _rivals(
         yield BearerFinding(Verdict.INCONCLUSIVE, "positions-differ", message, hint)
 
 
-def _outside(positions: _Positions, fence: Geofence, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _outside(positions: _Positions, fence: Geofence, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     outside = [position for position in positions if from_middle_m(fence, *position) > fence.radius_m]
     if not outside:
         return
@@ -244,7 +247,7 @@ def _sign(fence: Geofence, latitude: float, longitude: float) -> str:
     return "compare it with the map: the receiver is wrong, or `checklist.geofence` of the site is"
 
 
-def _check_time(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _check_time(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     """Judge whether the fixes are of now; a position that stands still says so, and nothing of the clock."""
     stale = _check_stall(reception, expectation)
     if stale is not None:
@@ -267,15 +270,15 @@ def _check_time(reception: Reception, expectation: GpsExpectation) -> Iterator[B
     yield from _clock(reception, expectation)
 
 
-def _back_s(report: Report, then: Report) -> float:
+def _back_s(report: record.Report, then: record.Report) -> float:
     if report.time is not None and then.time is not None:
         return report.time - then.time
     if report.of_day is not None and then.of_day is not None:
-        return at_day(report.of_day - then.of_day)
+        return record.at_day(report.of_day - then.of_day)
     return 0.0
 
 
-def _check_stall(reception: Reception, expectation: GpsExpectation) -> BearerFinding | None:
+def _check_stall(reception: record.Reception, expectation: record.GpsExpectation) -> BearerFinding | None:
     """Say that the last fix is old, because no more came or the same is told again and again."""
     fixes = reception.fixes
     gaps = [then.at_s - report.at_s for report, then in pairwise(fixes)]
@@ -298,7 +301,7 @@ def _check_stall(reception: Reception, expectation: GpsExpectation) -> BearerFin
     return None
 
 
-def _clock(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _clock(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     """Compare the receiver's time with the listening clock: what is old is wrong, the rest a person may know better."""
     ahead_s, uneven_s = reception.clock_ahead_s, reception.clock_uneven_s
     whose = clock_of(reception, expectation)
@@ -328,12 +331,12 @@ def _clock(reception: Reception, expectation: GpsExpectation) -> Iterator[Bearer
     elif _zone(ahead_s):
         verdict = Verdict.INCONCLUSIVE
         hint = "one of them runs in a time zone (receivers and computers keep UTC here), or an old log is replayed"
-    elif abs(ahead_s) > DAY_S:
+    elif abs(ahead_s) > record.DAY_S:
         hint = f"see whether a recorded log is replayed to its port; else compare {whose} with a third clock"
     yield BearerFinding(verdict, "clock-differs", message, hint)
 
 
-def clock_of(reception: Reception, expectation: GpsExpectation) -> str:
+def clock_of(reception: record.Reception, expectation: record.GpsExpectation) -> str:
     """Whose clock the receiver's time was compared with: a router is asked, and the time of its answer is ours."""
     return "this computer" if reception.single else expectation.place
 
@@ -358,7 +361,7 @@ def clock_words(ahead_s: float) -> str:
     return f"{_span(abs(ahead_s))} {'behind' if ahead_s < 0 else 'ahead of'}"
 
 
-def _nature(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _nature(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     """How the positions came about: one that is not measured is enough to say so."""
     natures = {fix.nature for fix in reception.fixes}
     nature = next((item for item in _NATURES if item in natures), None)
@@ -377,17 +380,17 @@ def _nature(reception: Reception, expectation: GpsExpectation) -> Iterator[Beare
 
 
 _NATURES = {
-    Nature.SIMULATED: (Verdict.FAIL, "stop the simulator, or the replayed log, that feeds the receiver's port"),
-    Nature.MANUAL: (
+    record.Nature.SIMULATED: (Verdict.FAIL, "stop the simulator, or the replayed log, that feeds the receiver's port"),
+    record.Nature.MANUAL: (
         Verdict.INCONCLUSIVE,
         "take the receiver out of its fixed-position mode; of a mast that was surveyed, override this with that reason",
     ),
-    Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not used now"),
+    record.Nature.DEAD_RECKONING: (Verdict.WARN, "bring the antenna under an open sky: satellites are not used now"),
 }
 """Worst first."""
 
 
-def _quality(reception: Reception, expectation: GpsExpectation) -> Iterator[BearerFinding]:
+def _quality(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[BearerFinding]:
     eph_m, hdop = reception.fixes[-1].eph_m, reception.hdop
     hint = "wait for more satellites, or clear the antenna's view"
     # Written so that what is no number is poor, too.
@@ -401,7 +404,7 @@ def _quality(reception: Reception, expectation: GpsExpectation) -> Iterator[Bear
         yield BearerFinding(verdict, "position-uncertain", message, hint)
 
 
-def _well(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
+def _well(reception: record.Reception, expectation: record.GpsExpectation) -> BearerFinding:
     last = reception.fixes[-1]
     count = "" if reception.satellites is None else f" of {reception.satellites} satellites"
     where = place(last.latitude, last.longitude)
@@ -416,7 +419,7 @@ def _well(reception: Reception, expectation: GpsExpectation) -> BearerFinding:
 _READ, _MEASUREMENT, _DECLARATION = EvidenceType.READ, EvidenceType.MEASURED, EvidenceType.DECLARED
 
 
-def evidence(reception: Reception, expectation: GpsExpectation) -> tuple[Evidence, ...]:
+def evidence(reception: record.Reception, expectation: record.GpsExpectation) -> tuple[Evidence, ...]:
     """Give source, position, fix, age, clock, number of reports, and the geofence."""
     version = f" {reception.version}" if reception.version else ""
     device = f", {reception.device}" if reception.device else ""
@@ -430,7 +433,7 @@ def evidence(reception: Reception, expectation: GpsExpectation) -> tuple[Evidenc
     return tuple(items)
 
 
-def _reception_evidence(reception: Reception, expectation: GpsExpectation) -> Iterator[Evidence]:
+def _reception_evidence(reception: record.Reception, expectation: record.GpsExpectation) -> Iterator[Evidence]:
     last = reception.fixes[-1] if reception.fixes else reception.reports[-1]
     if last.has_fix:
         yield Evidence(type=_READ, what="position", value=place(last.latitude, last.longitude))
@@ -447,7 +450,7 @@ def _reception_evidence(reception: Reception, expectation: GpsExpectation) -> It
     yield Evidence(type=_DECLARATION, what="geofence", value=_fence(last, expectation))
 
 
-def _fix(last: Report, reception: Reception) -> str:
+def _fix(last: record.Report, reception: record.Reception) -> str:
     words = [f"{last.mode}D" if last.has_fix else "none"]
     if reception.satellites is not None:
         words.append(f"{reception.satellites} satellites")
@@ -456,14 +459,14 @@ def _fix(last: Report, reception: Reception) -> str:
     return ", ".join(words)
 
 
-def _count(reception: Reception) -> str:
+def _count(reception: record.Reception) -> str:
     if reception.single:
         return "1: a RouterOS device tells its latest position only"
     total, text = len(reception.reports), f"in {reception.ended_s:.0f} s"
     return f"{len(reception.fixes)} fixes in a row at the end of {total} reports {text}"
 
 
-def _fence(last: Report, expectation: GpsExpectation) -> str:
+def _fence(last: record.Report, expectation: record.GpsExpectation) -> str:
     fence = expectation.fence
     if fence is None:
         return "none is declared"

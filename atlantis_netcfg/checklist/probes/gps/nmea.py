@@ -13,18 +13,18 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.gps.record import Nature, Reception, Report, lines
+from atlantis_netcfg.checklist.probes.gps import record
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Transcript
+    from atlantis_netcfg.checklist.probes.base import Transcript
 
 _FRAME = re.compile(rb"[$!]([\x20-\x23\x25-\x29\x2b-\x7e]{1,200})\*([0-9A-Fa-f]{2})\s*")
 _TAG = re.compile(rb"\\([\x20-\x29\x2b-\x5b\x5d-\x7e]{0,200})\*([0-9A-Fa-f]{2})\\")
 _NUMBER = re.compile(r"-?\d{1,12}(?:\.\d{1,12})?|-?\.\d{1,12}")
-_QUALITY = {6: Nature.DEAD_RECKONING, 7: Nature.MANUAL, 8: Nature.SIMULATED}
-_INDICATOR = {"E": Nature.DEAD_RECKONING, "M": Nature.MANUAL, "S": Nature.SIMULATED}
+_QUALITY = {6: record.Nature.DEAD_RECKONING, 7: record.Nature.MANUAL, 8: record.Nature.SIMULATED}
+_INDICATOR = {"E": record.Nature.DEAD_RECKONING, "M": record.Nature.MANUAL, "S": record.Nature.SIMULATED}
 _CENTURY = 80
 """Two digits below it are years after 2000."""
 _KNOT_M_S = 1852 / 3600
@@ -72,8 +72,8 @@ def enough(reports: int) -> bytes:
 class _Epochs:
     """Sentences of one time go together until another time comes, or the same kind of sentence again."""
 
-    reports: list[Report] = field(default_factory=list)
-    open: Report | None = None
+    reports: list[record.Report] = field(default_factory=list)
+    open: record.Report | None = None
     kinds: set[str] = field(default_factory=set)
     void: bool = False
     """A sentence of this epoch says that there is no fix."""
@@ -85,7 +85,7 @@ class _Epochs:
     hdop: float | None = None
     date: str = ""
     """Of the last ZDA, for sources without RMC."""
-    doubles: list[Report] = field(default_factory=list)
+    doubles: list[record.Report] = field(default_factory=list)
     """Other positions that were told of an epoch: receivers round them differently, and no more."""
 
     def take(self, at_s: float, fields: Sequence[str]) -> None:
@@ -99,11 +99,11 @@ class _Epochs:
         elif kind == "ZDA" and all(part.isdecimal() for part in columns[2:5]):
             self.date = f"{columns[2]:0>2}{columns[3]:0>2}{columns[4][-2:]}"
 
-    def _epoch(self, at_s: float, kind: str, time: str) -> Report:
+    def _epoch(self, at_s: float, kind: str, time: str) -> record.Report:
         of_day = _of_day(time)
         if self.open is None or kind in self.kinds or of_day != self.open.of_day:
             self.close()
-            self.open = Report(at_s, of_day=of_day)
+            self.open = record.Report(at_s, of_day=of_day)
         self.kinds.add(kind)
         return replace(self.open, at_s=at_s)
 
@@ -111,7 +111,7 @@ class _Epochs:
         best = max(result or 0, self.dimensions or 0) if self.fresh else result or 0
         self.dimensions, self.fresh = best or None, True
 
-    def _gga(self, report: Report, fields: Sequence[str]) -> None:
+    def _gga(self, report: record.Report, fields: Sequence[str]) -> None:
         quality = int(fields[6]) if re.fullmatch(r"\d", fields[6]) else None
         if not quality:
             self.void = self.void or quality == 0
@@ -123,7 +123,7 @@ class _Epochs:
             self._with_position(report, fields[2:6]), mode=three, nature=_QUALITY.get(quality, report.nature)
         )
 
-    def _gns(self, report: Report, fields: Sequence[str]) -> None:
+    def _gns(self, report: record.Report, fields: Sequence[str]) -> None:
         """One mode indicator for each system; `N`: it is not used."""
         used = fields[6].replace("N", "")
         if not used:
@@ -141,16 +141,16 @@ class _Epochs:
         self.satellites = int(used) if used is not None else self.satellites
         self.hdop = _number(fields[1]) or self.hdop
 
-    def _rmc(self, report: Report, fields: Sequence[str]) -> None:
+    def _rmc(self, report: record.Report, fields: Sequence[str]) -> None:
         new_report = replace(report, time=_parse_date(fields[9], report.of_day))
         knots = _number(fields[7])
         speed = None if knots is None else knots * _KNOT_M_S
         self._take_status(replace(new_report, speed_m_s=speed), fields[2], fields[12], fields[3:7])
 
-    def _gll(self, report: Report, fields: Sequence[str]) -> None:
+    def _gll(self, report: record.Report, fields: Sequence[str]) -> None:
         self._take_status(report, fields[6], fields[7], fields[1:5])
 
-    def _take_status(self, report: Report, status: str, indicator: str, place: Sequence[str]) -> None:
+    def _take_status(self, report: record.Report, status: str, indicator: str, place: Sequence[str]) -> None:
         """Take in a sentence that says `A` or `V`, and perhaps how the position came about."""
         self.void = self.void or status == "V" or indicator == "N"
         if status != "A":
@@ -159,7 +159,7 @@ class _Epochs:
         nature = _INDICATOR.get(indicator, report.nature)
         self.open = replace(self._with_position(report, place), mode=max(report.mode or 2, 2), nature=nature)
 
-    def _with_position(self, report: Report, fields: Sequence[str]) -> Report:
+    def _with_position(self, report: record.Report, fields: Sequence[str]) -> record.Report:
         new_report = _set_position(report, fields)
         if report.latitude is not None and new_report != report:
             self.doubles.append(report)
@@ -173,7 +173,7 @@ class _Epochs:
         # GSA may come more rarely than positions: that there was no fix is over with its epoch.
         self.dimensions = None if self.dimensions == 1 else self.dimensions
 
-    def _whole(self, report: Report) -> Report:
+    def _whole(self, report: record.Report) -> record.Report:
         if self.void or self.dimensions == 1:
             return replace(report, mode=1)
         mode = report.mode if report.mode is None or self.dimensions is None else self.dimensions
@@ -186,12 +186,12 @@ _ADDRESS = 5
 _POSITIONS = frozenset({"GGA", "GNS", "RMC", "GLL"})
 
 
-def read(transcript: Transcript) -> Reception:
+def read(transcript: Transcript) -> record.Reception:
     """Understand a stream of sentences, from wherever in one it begins; of several sources the one with most fixes."""
     sources: dict[str, _Epochs] = {}
     good = bad = 0
     source = ""
-    for number, (at_s, line) in enumerate(lines(transcript)):
+    for number, (at_s, line) in enumerate(record.lines(transcript)):
         plain = _strip_tag(line, source)
         fields = None if plain is None else sentence(plain[0])
         if plain is not None and fields is not None:
@@ -207,7 +207,7 @@ def read(transcript: Transcript) -> Reception:
         sources.items(), key=lambda entry: sum(r.has_fix for r in entry[1].reports), default=("", _Epochs())
     )
     others = {name: item for name, item in sources.items() if name != device and item.reports}
-    return Reception(
+    return record.Reception(
         reports=tuple(epochs.reports),
         is_recognized=good > 0,
         heard_bytes=len(transcript.data),
@@ -244,7 +244,7 @@ def _parse_date(text: str, of_day: float | None) -> float | None:
     return (midnight + timedelta(seconds=of_day)).timestamp()
 
 
-def _set_position(report: Report, fields: Sequence[str]) -> Report:
+def _set_position(report: record.Report, fields: Sequence[str]) -> record.Report:
     latitude = _degrees(fields[0], fields[1], 2, "N", "S")
     longitude = _degrees(fields[2], fields[3], 3, "E", "W")
     return replace(report, latitude=latitude, longitude=longitude)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
+from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import Geofence, GpsDriver
 from atlantis_netcfg.links import BearerFinding

@@ -12,6 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     RcExpectation,
     check_disarmed,
@@ -22,55 +24,52 @@ from atlantis_netcfg.checklist.probes.rc_rf.judge import (
     unusable,
 )
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Stream, System, enough, read
-from atlantis_netcfg.checklist.probes.step import Consent, Listen, Place, ProbeResult, Question, Step, Transcript
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
 from atlantis_netcfg.core.events import Verdict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Cell
     from atlantis_netcfg.inventory.model import RcRfEndpoint
     from atlantis_netcfg.links import BearerFinding
 
 __all__ = ["RcExpectation", "RcHeard", "StickMovementProbe", "steps"]
 
 
-_READ, _MEASUREMENT = EvidenceType.READ, EvidenceType.MEASURED
+_READ, _MEASUREMENT = report.EvidenceType.READ, report.EvidenceType.MEASURED
 
 
-def evidence(stream: Stream, expectation: RcExpectation) -> tuple[Evidence, ...]:
+def evidence(stream: Stream, expectation: RcExpectation) -> tuple[report.Evidence, ...]:
     """Give the stream, the systems in it, and what the expected one says."""
     return tuple(_find_evidence(stream, expectation)) if stream.heard_bytes else ()
 
 
-def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[Evidence]:
+def _find_evidence(source: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
     versions = " and ".join(map(str, source.versions)) or "of no known version"
     stream = f"MAVLink {versions}, {source.good} frames and {source.bad} damaged pieces in {source.ended_s:.0f} s"
-    yield Evidence(type=_MEASUREMENT, what=f"stream at {expectation.end}", value=stream)
+    yield report.Evidence(type=_MEASUREMENT, what=f"stream at {expectation.end}", value=stream)
     autopilots = ", ".join(map(str, source.autopilots)) or "none"
-    yield Evidence(type=_READ, what="system ids with an autopilot", value=autopilots)
+    yield report.Evidence(type=_READ, what="system ids with an autopilot", value=autopilots)
     system = source.systems.get(expectation.system_id, System())
     if any(system.senders):
-        yield Evidence(type=_MEASUREMENT, what="its stream comes from", value=", ".join(system.senders))
+        yield report.Evidence(type=_MEASUREMENT, what="its stream comes from", value=", ".join(system.senders))
     if system.beats:
         state = "armed" if any(beat.is_armed for beat in system.beats) else "disarmed"
-        yield Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
+        yield report.Evidence(type=_READ, what="autopilot", value=f"{state}, {len(system.beats)} heartbeats")
     if system.channels:
         last = system.channels[-1]
-        yield Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
-        yield Evidence(type=_READ, what="rssi", value=_rssi_step([channel.rssi for channel in system.channels]))
+        yield report.Evidence(type=_READ, what="channels", value=f"{last.count}, {_values(last.values)}")
+        yield report.Evidence(type=_READ, what="rssi", value=_rssi_step([channel.rssi for channel in system.channels]))
     if system.receiver:
         receiver = system.receiver[-1]
         words = (("present", receiver.present), ("enabled", receiver.is_enabled), ("healthy", receiver.healthy))
         text = ", ".join(word if holds else f"not {word}" for word, holds in words)
-        yield Evidence(type=_READ, what="receiver", value=text)
+        yield report.Evidence(type=_READ, what="receiver", value=text)
 
 
-def movement(stream: Stream, expectation: RcExpectation) -> Iterator[Evidence]:
+def movement(stream: Stream, expectation: RcExpectation) -> Iterator[report.Evidence]:
     """Give the way of each channel that moved."""
     for number, (low, high) in ranges(stream.systems.get(expectation.system_id, System()).channels).items():
-        yield Evidence(type=_MEASUREMENT, what=f"channel {number}", value=f"{low} to {high} us")
+        yield report.Evidence(type=_MEASUREMENT, what=f"channel {number}", value=f"{low} to {high} us")
 
 
 def _values(values: tuple[int | None, ...]) -> str:
@@ -94,13 +93,13 @@ class RcHeard:
     """The autopilot hears its remote control, and is disarmed."""
 
     expectation: RcExpectation
-    place: Place
+    place: base.Place
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Listen until enough of the vehicle was heard."""
         return (_listen("stream", self.expectation, self.place, LISTEN_S, enough(self.expectation.system_id)),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the stream."""
         return _judge_answer(results["stream"], self.expectation, judge)
 
@@ -110,13 +109,13 @@ class StickMovementProbe:
     """The channels follow the pilot's sticks, and the vehicle stays disarmed."""
 
     expectation: RcExpectation
-    place: Place
+    place: base.Place
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Listen for as long as the pilot moves the sticks: it may be armed at any moment of it."""
         return (_listen("sticks", self.expectation, self.place, STICKS_S, b""),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         """Judge the movement."""
         return _judge_answer(
             results["sticks"],
@@ -126,18 +125,18 @@ class StickMovementProbe:
         )
 
 
-def _listen(name: str, expectation: RcExpectation, place: Place, listen_s: float, until: bytes) -> Listen:
-    return Listen(name=name, place=place, transport="udp", port=expectation.port, listen_s=listen_s, enough=until)
+def _listen(name: str, expectation: RcExpectation, place: base.Place, listen_s: float, until: bytes) -> base.Listen:
+    return base.Listen(name=name, place=place, transport="udp", port=expectation.port, listen_s=listen_s, enough=until)
 
 
 def _judge_answer(
-    answer: Answer,
+    answer: base.Answer,
     expectation: RcExpectation,
     judge_stream: Callable[[Stream, RcExpectation], tuple[BearerFinding, ...]],
     *,
     with_movement: bool = False,
-) -> ProbeResult:
-    assert isinstance(answer, Transcript)  # noqa: S101 - what Listen gives
+) -> base.ProbeResult:
+    assert isinstance(answer, base.Transcript)  # noqa: S101 - what Listen gives
     stream = read(answer, expectation.address)
     hot, silent = check_disarmed(stream, expectation), unusable(answer, stream, expectation)
     first = () if hot is None else (hot,)
@@ -146,38 +145,38 @@ def _judge_answer(
     findings = (silent,) if silent is not None else judge_stream(stream, expectation)
     findings = (*first, *(finding for finding in findings if not first or finding.verdict is not Verdict.PASS))
     all_evidence = (*evidence(stream, expectation), *(movement(stream, expectation) if with_movement else ()))
-    return ProbeResult(findings, all_evidence)
+    return base.ProbeResult(findings, all_evidence)
 
 
-def steps(cell: Cell) -> tuple[Step, ...]:
+def steps(cell: base.Cell) -> tuple[base.Step, ...]:
     """Give the steps of a cell: listening and sticks (by a person where nothing is declared), failsafe, range."""
     endpoint = cell.endpoints.rc_rf
     first = (_by_a_person(cell),) if endpoint is None else _by_the_stream(cell, endpoint)
     return (*first, _failsafe(cell), _range(cell))
 
 
-def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
+def _by_the_stream(cell: base.Cell, endpoint: RcRfEndpoint) -> tuple[base.Step, ...]:
     place = cell.place(endpoint.seen_from)
-    gateway = cell.gateway.name if place is Place.GATEWAY and cell.gateway is not None else ""
+    gateway = cell.gateway.name if place is base.Place.GATEWAY and cell.gateway is not None else ""
     place_name, address = gateway or "this computer", cell.address(endpoint.address)
     expectation = RcExpectation(cell.name, place_name, endpoint.port, endpoint.system_id, endpoint.rssi_low, address)
     concerns = (gateway,) if gateway else ()
     return (
-        Step(
+        base.Step(
             name="",
             title=f"{cell.name} hears its remote control, and is disarmed",
-            kind=ItemKind.AUTOMATIC,
-            phase=Phase.BENCH,
+            kind=report.ItemKind.AUTOMATIC,
+            phase=report.Phase.BENCH,
             probe=RcHeard(expectation, place),
             concerns=concerns,
         ),
-        Step(
+        base.Step(
             name="sticks",
             title=f"The channels of {cell.name} follow the sticks",
-            kind=ItemKind.ACTIVE,
-            phase=Phase.BENCH,
+            kind=report.ItemKind.ACTIVE,
+            phase=report.Phase.BENCH,
             probe=StickMovementProbe(expectation, place),
-            consent=Consent(
+            consent=base.Consent(
                 question=f"the propellers are off {cell.name}, or it is disarmed and secured, and nobody is near it",
                 # Held in a corner, a stick arms or disarms.
                 prompt=f"ask the pilot of {cell.name} to move both sticks in circles, and to hold them in no corner",
@@ -187,12 +186,12 @@ def _by_the_stream(cell: Cell, endpoint: RcRfEndpoint) -> tuple[Step, ...]:
     )
 
 
-def _by_a_person(cell: Cell) -> Step:
-    return Step(
+def _by_a_person(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="",
         title=f"{cell.name} hears its remote control",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=(
             f"Take the propellers off {cell.name}, or leave it disarmed and secured. Switch the transmitter on, and "
             "move both sticks and every switch, one after the other."
@@ -204,12 +203,12 @@ def _by_a_person(cell: Cell) -> Step:
     )
 
 
-def _failsafe(cell: Cell) -> Step:
-    return Step(
+def _failsafe(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="failsafe",
         title=f"{cell.name} fails safe when its remote control falls silent",
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=(
             f"Take the propellers off {cell.name} and secure it. Switch the transmitter off, wait ten seconds, and "
             "switch it on again."
@@ -221,12 +220,12 @@ def _failsafe(cell: Cell) -> Step:
     )
 
 
-def _range(cell: Cell) -> Step:
-    return Step(
+def _range(cell: base.Cell) -> base.Step:
+    return base.Step(
         name="range",
         title=f"The remote control of {cell.name} reaches far enough",
-        kind=ItemKind.PERSON,
-        phase=Phase.QUAY,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.QUAY,
         do=(
             f"Leave {cell.name} disarmed and secured. Set the transmitter to its reduced power for range tests, walk "
             "30 m away in line of sight, turn round once, and move the sticks."

@@ -11,8 +11,8 @@ from itertools import pairwise
 from statistics import correlation
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes.base import Transcript, Trouble
 from atlantis_netcfg.checklist.probes.rc_rf.stream import RSSI_UNKNOWN, Channels, Stream, System
-from atlantis_netcfg.checklist.probes.step import Transcript, Trouble
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 

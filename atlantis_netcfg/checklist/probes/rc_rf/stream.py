@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Transcript
+    from atlantis_netcfg.checklist.probes.base import Transcript
 
 RSSI_UNKNOWN = 255
 RC_RECEIVER = 0x10000

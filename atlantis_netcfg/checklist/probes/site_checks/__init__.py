@@ -12,14 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes.site_checks import addresses
 from atlantis_netcfg.checklist.probes.site_checks.access_point import access_point_check
-from atlantis_netcfg.checklist.probes.site_checks.addresses import (
-    duplicate_addresses_check,
-    one_subnet_twice_check,
-    rogue_dhcp_check,
-    rogue_router_check,
-    static_addresses_check,
-)
 from atlantis_netcfg.checklist.probes.site_checks.certificates import certificates_check
 from atlantis_netcfg.checklist.probes.site_checks.clock import clock_check
 from atlantis_netcfg.checklist.probes.site_checks.data_reaches import NAME as DATA_REACHES
@@ -33,17 +27,17 @@ from atlantis_netcfg.checklist.probes.site_checks.uplinks import default_route_c
 from atlantis_netcfg.checklist.probes.site_checks.vpn import vpn_check
 
 if TYPE_CHECKING:
-    from atlantis_netcfg.checklist.probes.step import Cell, Step
+    from atlantis_netcfg.checklist.probes.base import Cell, Step
 
 __all__ = ["NAMES", "steps"]
 
 _CHECKS = {
-    "rogue-dhcp": rogue_dhcp_check,
-    "rogue-router": rogue_router_check,
-    "duplicate-addresses": duplicate_addresses_check,
-    "one-subnet-twice": one_subnet_twice_check,
+    "rogue-dhcp": addresses.rogue_dhcp_check,
+    "rogue-router": addresses.rogue_router_check,
+    "duplicate-addresses": addresses.duplicate_addresses_check,
+    "one-subnet-twice": addresses.one_subnet_twice_check,
     "default-route": default_route_check,
-    "static-addresses": static_addresses_check,
+    "static-addresses": addresses.static_addresses_check,
     "factory-defaults": factory_defaults_check,
     "clock": clock_check,
     "vpn": vpn_check,

@@ -8,65 +8,54 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    fail,
-    get_output,
-    good,
-    join_words,
-    read,
-    run,
-    step,
-    unknown,
-    unreadable,
-    warn,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Step
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.wifi import read_opened, read_stations
-from atlantis_netcfg.inventory.model import Gateway, WifiRole
+from atlantis_netcfg.inventory import model
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.inventory.model import GatewayAccessPoint
     from atlantis_netcfg.links import BearerFinding
 
 _NO_DEVICE = "No such device"
 
 
-def access_point_check(site: OwnSite) -> tuple[Step, ...]:
+def access_point_check(site: parse.OwnSite) -> tuple[base.Step, ...]:
     """One step where the gateway declares an access point of its own; most have none, and no item then."""
     gateway = site.gateway
-    if gateway is None or not isinstance(gateway.device, Gateway) or gateway.device.access_point is None:
+    if gateway is None or not isinstance(gateway.device, model.Gateway) or gateway.device.access_point is None:
         return ()
     radio = gateway.device.access_point
     title = f"The gateway's network {radio.ssid} is open, to declared vehicles alone"
-    return (step("access-point", title, _OpenNetwork(site, gateway.name, radio), (gateway.name,)),)
+    return (parse.step("access-point", title, _OpenNetwork(site, gateway.name, radio), (gateway.name,)),)
 
 
 @dataclass(frozen=True, slots=True)
 class _OpenNetwork:
     """The gateway's own network is open, to declared vehicles alone."""
 
-    site: OwnSite
+    site: parse.OwnSite
     gateway: str
-    radio: GatewayAccessPoint
+    radio: model.GatewayAccessPoint
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         name = self.radio.interface
         return (
-            *run("info", self.site, f"iw dev {name} info"),
-            *run("stations", self.site, f"iw dev {name} station dump"),
+            *parse.run("info", self.site, f"iw dev {name} info"),
+            *parse.run("stations", self.site, f"iw dev {name} station dump"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         info, dump = results["info"], results["stations"]
-        if isinstance(info, CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
+        if isinstance(info, base.CommandResult) and info.trouble is None and _NO_DEVICE in info.err:
             message = f"{self.gateway} has no radio {self.radio.interface}"
-            return ProbeResult((fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),))
-        text, station_dump = get_output(info, self.gateway), get_output(dump, self.gateway)
+            return base.ProbeResult(
+                (parse.fail("radio-missing", message, "plug it in, or correct `access_point.interface`"),)
+            )
+        text, station_dump = parse.get_output(info, self.gateway), parse.get_output(dump, self.gateway)
         if not isinstance(text, str):
-            return ProbeResult((text,))
+            return base.ProbeResult((text,))
         findings = [*self._network(text)]
         if isinstance(station_dump, str):
             findings += self._strangers(station_dump)
@@ -74,27 +63,29 @@ class _OpenNetwork:
             findings.append(station_dump)
         stations = [*read_stations(station_dump)] if isinstance(station_dump, str) else []
         count = "nobody" if not stations else f"{len(stations)}"
-        return ProbeResult(tuple(findings), (read(f"joined {self.radio.ssid}", count),))
+        return base.ProbeResult(tuple(findings), (parse.read(f"joined {self.radio.ssid}", count),))
 
     def _network(self, text: str) -> Iterator[BearerFinding]:
         """A running hostapd turns the radio into an access point; while it listens for radar that has no name yet."""
         network, name = read_opened(text), f"{self.radio.interface} of {self.gateway}"
         hint = f"on it: systemctl status atlantis-access-point@{self.radio.interface}"
         if network.type is None:
-            yield unreadable(self.gateway, self.radio.interface)
+            yield parse.unreadable(self.gateway, self.radio.interface)
         elif network.type != "AP":
-            yield fail("network-closed", f"{name} opens no network: it is of type {network.type}", hint)
+            yield parse.fail("network-closed", f"{name} opens no network: it is of type {network.type}", hint)
         elif network.ssid is None:
             message = f"{name} is an access point that sends no name yet: it may be listening for radar"
-            yield unknown("network-not-yet-open", message, f"wait for a minute, or ten at 5600 to 5650 MHz; {hint}")
+            yield parse.unknown(
+                "network-not-yet-open", message, f"wait for a minute, or ten at 5600 to 5650 MHz; {hint}"
+            )
         elif network.ssid != self.radio.ssid:
             message = f"{name} opens `{network.ssid}`, and `{self.radio.ssid}` is declared"
-            yield fail("other-network", message, "run the site, which lays down what is declared")
+            yield parse.fail("other-network", message, "run the site, which lays down what is declared")
         else:
-            yield good("network-open", f"{name} opens `{network.ssid}`")
+            yield parse.good("network-open", f"{name} opens `{network.ssid}`")
             if network.frequency_mhz not in {None, self.radio.frequency_mhz}:
                 message = f"{name} is on {network.frequency_mhz} MHz, and {self.radio.frequency_mhz} MHz are declared"
-                yield warn("other-channel", message, "a radar may have driven it away: choose another channel")
+                yield parse.warn("other-channel", message, "a radar may have driven it away: choose another channel")
 
     def _strangers(self, dump: str) -> Iterator[BearerFinding]:
         """Who has joined and is no declared vehicle has the key."""
@@ -103,12 +94,14 @@ class _OpenNetwork:
             [mac for mac in read_stations(dump) if mac not in self._station_names],
         )
         if strangers:
-            message = f"{join_words(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
+            message = (
+                f"{parse.join_words(strangers)} joined `{self.radio.ssid}`, and no declared vehicle has this radio"
+            )
             hint = "whose is it? a new radio belongs into `endpoints.wifi.mac`; else change the `key` of the network"
-            yield warn("unknown-station", message, hint)
+            yield parse.warn("unknown-station", message, hint)
         names = [station_names[mac] for mac in read_stations(dump) if mac in station_names]
         if names:
-            yield good("stations", f"{join_words(names)} joined it")
+            yield parse.good("stations", f"{parse.join_words(names)} joined it")
 
     @property
     def _station_names(self) -> Mapping[str, str]:
@@ -118,6 +111,6 @@ class _OpenNetwork:
         for key, vehicle in self.site.declaration.vehicles.items():
             wifi = vehicle.endpoints.wifi
             mac = reserved_macs.get(key) if wifi is None or wifi.mac is None else wifi.mac
-            if mac is not None and wifi is not None and wifi.role is WifiRole.STATION:
+            if mac is not None and wifi is not None and wifi.role is model.WifiRole.STATION:
                 result[mac.upper()] = vehicle.name
         return result

@@ -13,47 +13,14 @@ from ipaddress import IPv4Address, IPv4Interface
 from itertools import combinations
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    ComputerReadings,
-    InterfaceAddress,
-    Neighbour,
-    OwnSite,
-    addresses,
-    ask,
-    by_hand,
-    declared_evidence,
-    fail,
-    good,
-    join_words,
-    measured_evidence,
-    neighbours,
-    offers,
-    read,
-    routers,
-    rows,
-    run,
-    silent,
-    step,
-    unknown,
-    warn,
-    yes,
-)
-from atlantis_netcfg.checklist.probes.step import (
-    CommandResult,
-    DhcpDiscoverRequest,
-    Place,
-    ProbeResult,
-    RouterSolicitRequest,
-    Trouble,
-)
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.computers.parts import computer_network
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-
-    from atlantis_netcfg.checklist.probes.step import Answer, DhcpOffer, Question, RouterAdvertisement, Step
 
 
 FILES = ("/etc/netplan/10-atlantis.yaml", "/etc/network/interfaces", "/etc/systemd/network/05-atlantis.network")
@@ -62,39 +29,41 @@ _LOOPBACK = "lo"
 _RUN = "run the site, which puts the declared address back"
 
 
-def static_addresses_check(site: OwnSite) -> Step:
+def static_addresses_check(site: parse.OwnSite) -> base.Step:
     """The addresses that run beside the files that are read at the next start."""
-    return step("static-addresses", "Static addresses survive a restart", _Static(site), site.hosts)
+    return parse.step("static-addresses", "Static addresses survive a restart", _Static(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Static:
     """Static addresses survive a restart."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         return (
-            *ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
-            *ask("sockets", self.site, "/interface/ethernet", "name", "default-name"),
-            *run("gateway", self.site, "ip -j addr show"),
-            *(question for path in FILES for question in run(path, self.site, f"cat {path}")),
+            *parse.ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
+            *parse.ask("sockets", self.site, "/interface/ethernet", "name", "default-name"),
+            *parse.run("gateway", self.site, "ip -j addr show"),
+            *(question for path in FILES for question in parse.run(path, self.site, f"cat {path}")),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         current = _on_sockets(results, self.site.router.name)
         findings = (
             [current] if isinstance(current, BearerFinding) else list(self._of_router(self.site.router.name, current))
         )
-        evidence = [declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()]
+        evidence = [
+            parse.declared_evidence(f"address of {name}", address) for name, address in self._declared_addresses()
+        ]
         gateway = self.site.gateway
         if gateway is not None:
-            local = addresses(results["gateway"], gateway.name)
+            local = parse.addresses(results["gateway"], gateway.name)
             findings += [local] if isinstance(local, BearerFinding) else self._of_gateway(gateway, local, results)
             if not isinstance(local, BearerFinding):
-                evidence += [read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
-        return ProbeResult(tuple(findings), tuple(evidence))
+                evidence += [parse.read(f"{item.interface} of {gateway.name}", str(item.address)) for item in local]
+        return base.ProbeResult(tuple(findings), tuple(evidence))
 
     def _declared_addresses(self) -> Iterator[tuple[str, str]]:
         """Interface and address of everything that the router has by declaration."""
@@ -105,15 +74,18 @@ class _Static:
         for link in (*view.uplinks, *view.served_links):
             yield link.port, link.interface_address
 
-    def _of_router(self, name: str, current: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
+    def _of_router(self, name: str, current: tuple[parse.InterfaceAddress, ...]) -> Iterator[BearerFinding]:
         wrong = list(_wrong(name, tuple(self._declared_addresses()), current))
         yield from wrong
         if not wrong:
             count = len(tuple(self._declared_addresses()))
-            yield good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
+            yield parse.good("router-as-declared", f"{name} has its {count} declared addresses, none of them leased")
 
     def _of_gateway(
-        self, gateway: ComputerReadings, local: tuple[InterfaceAddress, ...], results: Mapping[str, Answer]
+        self,
+        gateway: parse.ComputerReadings,
+        local: tuple[parse.InterfaceAddress, ...],
+        results: Mapping[str, base.Answer],
     ) -> list[BearerFinding]:
         interface = IPv4Interface(f"{gateway.device.address}/{self.site.site_config.lan.network.prefixlen}")
         there = next((item for item in local if item.address.ip == interface.ip), None)
@@ -121,11 +93,11 @@ class _Static:
         if wrong is not None:
             return [wrong]
         problem = self._in_files(gateway, interface, results)
-        fine = good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
+        fine = parse.good("gateway-as-declared", f"{gateway.name} has {interface}, and will have it after a restart")
         return [problem or fine]
 
     def _in_files(
-        self, gateway: ComputerReadings, interface: IPv4Interface, results: Mapping[str, Answer]
+        self, gateway: parse.ComputerReadings, interface: IPv4Interface, results: Mapping[str, base.Answer]
     ) -> BearerFinding | None:
         """What is wrong with the files that the next start reads; None: they say what runs."""
         texts = {path: results[path] for path in FILES}
@@ -133,14 +105,16 @@ class _Static:
             (
                 result
                 for result in texts.values()
-                if not isinstance(result, CommandResult) or result.trouble is not None
+                if not isinstance(result, base.CommandResult) or result.trouble is not None
             ),
             None,
         )
         if trouble is not None:
-            return silent(gateway.name, getattr(trouble, "trouble", None) or Trouble.SILENT, trouble.words)
+            return parse.silent(gateway.name, getattr(trouble, "trouble", None) or base.Trouble.SILENT, trouble.words)
         files = {
-            path: answer.out for path, answer in texts.items() if isinstance(answer, CommandResult) and answer.rc == 0
+            path: answer.out
+            for path, answer in texts.items()
+            if isinstance(answer, base.CommandResult) and answer.rc == 0
         }
         host = self.site.declaration.hosts[gateway.name]
         network_file = computer_network(self.site.declaration, host)
@@ -154,13 +128,13 @@ class _Static:
             f"{gateway.name} has {interface}, but no file of ours says so: nobody knows whether it survives a restart"
         )
         hint = f"declare `network:` of {gateway.name} and run the site, or restart it once and repeat the check"
-        return unknown("no-file", message, hint)
+        return parse.unknown("no-file", message, hint)
 
 
-def _on_sockets(results: Mapping[str, Answer], router: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
+def _on_sockets(results: Mapping[str, base.Answer], router: str) -> tuple[parse.InterfaceAddress, ...] | BearerFinding:
     """The router's addresses, each on the factory name of its port: what a port is called proves nothing."""
-    current = addresses(results["router"], router)
-    ports = rows(results["sockets"], router, "the names of its ports", "default-name")
+    current = parse.addresses(results["router"], router)
+    ports = parse.rows(results["sockets"], router, "the names of its ports", "default-name")
     if isinstance(current, BearerFinding):
         return current
     if isinstance(ports, BearerFinding):
@@ -180,137 +154,145 @@ def _check_network_file(
 ) -> BearerFinding | None:
     hint = f"run the site with `only={name}`: it writes {path} again, under a timer that takes a mistake back"
     if text is None:
-        return fail(
+        return parse.fail(
             "no-file", f"{name} has {interface}, but {path} is not there: it will be gone after a restart", hint
         )
     if text.strip() != content.strip():
-        return fail(
+        return parse.fail(
             "file-differs", f"{path} of {name} does not say what is declared: a restart changes its address", hint
         )
     return None
 
 
 def _as_it_runs(
-    gateway: ComputerReadings, interface: IPv4Interface, there: InterfaceAddress | None
+    gateway: parse.ComputerReadings, interface: IPv4Interface, there: parse.InterfaceAddress | None
 ) -> BearerFinding | None:
     if there is None:
-        return fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
+        return parse.fail("address-missing", f"{gateway.name} does not have its declared address {interface}", _RUN)
     if there.interface == _LOOPBACK:
         message = f"{gateway.name} has its declared address {interface} on {there.interface}, where nobody reaches it"
-        return fail("wrong-interface", message, _RUN)
+        return parse.fail("wrong-interface", message, _RUN)
     if there.address != interface:
         message = f"{gateway.name} has {there.address}, and the declared mask is /{interface.network.prefixlen}"
-        return fail("wrong-mask", message, _RUN)
+        return parse.fail("wrong-mask", message, _RUN)
     if there.is_leased and not gateway.is_leased:
         message = f"{gateway.name} has leased {interface}, which is declared static: it goes when the lease ends"
-        return fail("address-leased", message, _RUN)
+        return parse.fail("address-leased", message, _RUN)
     if gateway.is_leased and not there.is_leased:
         message = f"{gateway.name} has {interface} by hand, while it is declared to get it by DHCP"
-        return warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
+        return parse.warn("address-by-hand", message, f"set {gateway.name} to DHCP, or declare `address_by: static`")
     return None
 
 
 def _wrong(
-    name: str, desired_addresses: tuple[tuple[str, str], ...], current: tuple[InterfaceAddress, ...]
+    name: str, desired_addresses: tuple[tuple[str, str], ...], current: tuple[parse.InterfaceAddress, ...]
 ) -> Iterator[BearerFinding]:
     for interface, text in desired_addresses:
         address = IPv4Interface(text)
         there = next((item for item in current if item.address.ip == address.ip), None)
         if there is None:
-            yield fail("address-missing", f"{name} does not have its declared address {text} on {interface}", _RUN)
+            yield parse.fail(
+                "address-missing", f"{name} does not have its declared address {text} on {interface}", _RUN
+            )
         elif there.address != address:
             message = f"{name} has {there.address} on {there.interface}, and the declared mask is"
-            yield fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
+            yield parse.fail("wrong-mask", f"{message} /{address.network.prefixlen}", _RUN)
         elif there.interface != interface:
             message = f"{name} has its declared address {text} on {there.interface}, and not on {interface}"
-            yield fail("wrong-interface", message, _RUN)
+            yield parse.fail("wrong-interface", message, _RUN)
         elif there.flags:
-            yield fail(
-                "address-flagged", f"{text} of {name} is {join_words(there.flags)}, and no declared address is", _RUN
+            yield parse.fail(
+                "address-flagged",
+                f"{text} of {name} is {parse.join_words(there.flags)}, and no declared address is",
+                _RUN,
             )
 
 
 _SUBNET_HINT = "take one of them away: when a lease ends, it takes the route of both along, and contact is lost"
 
 
-def one_subnet_twice_check(site: OwnSite) -> Step:
+def one_subnet_twice_check(site: parse.OwnSite) -> base.Step:
     """The router's and the gateway computer's own addresses."""
-    return step("one-subnet-twice", "No two addresses of one subnet on one interface", _OneSubnet(site), site.hosts)
+    return parse.step(
+        "one-subnet-twice", "No two addresses of one subnet on one interface", _OneSubnet(site), site.hosts
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _OneSubnet:
     """No two addresses of one subnet on one interface."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         return (
-            *ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
-            *run("gateway", self.site, "ip -j addr show"),
+            *parse.ask("router", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"),
+            *parse.run("gateway", self.site, "ip -j addr show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         names = {"router": self.site.router.name}
         if self.site.gateway is not None:
             names["gateway"] = self.site.gateway.name
-        values = {name: addresses(results[question], name) for question, name in names.items()}
+        values = {name: parse.addresses(results[question], name) for question, name in names.items()}
         current = {name: entries for name, entries in values.items() if not isinstance(entries, BearerFinding)}
         silence = tuple(entries for entries in values.values() if isinstance(entries, BearerFinding))
         wrong = tuple(finding for name, entries in current.items() for finding in _twice(name, entries))
         evidence = tuple(
-            read(f"{item.interface} of {name}", _describe_address(item))
+            parse.read(f"{item.interface} of {name}", _describe_address(item))
             for name, entries in current.items()
             for item in entries
         )
-        fine = good("each-subnet-once", f"no interface of {join_words(names.values())} has two addresses of one subnet")
-        return ProbeResult((*wrong, *silence) or (fine,), evidence)
+        fine = parse.good(
+            "each-subnet-once", f"no interface of {parse.join_words(names.values())} has two addresses of one subnet"
+        )
+        return base.ProbeResult((*wrong, *silence) or (fine,), evidence)
 
 
-def _twice(name: str, entries: tuple[InterfaceAddress, ...]) -> Iterator[BearerFinding]:
+def _twice(name: str, entries: tuple[parse.InterfaceAddress, ...]) -> Iterator[BearerFinding]:
     for item, other in combinations([current for current in entries if not current.dead], 2):
         if item.interface == other.interface and item.address.network.overlaps(other.address.network):
             message = (
                 f"{item.interface} of {name} has {_describe_address(item)} and {_describe_address(other)}, "
                 "which are in one subnet"
             )
-            yield fail("subnet-twice", message, _SUBNET_HINT)
+            yield parse.fail("subnet-twice", message, _SUBNET_HINT)
 
 
-def _describe_address(item: InterfaceAddress) -> str:
+def _describe_address(item: parse.InterfaceAddress) -> str:
     return f"{item.address} ({'leased' if item.is_leased else 'static'})"
 
 
 _DUPLICATE_HINT = "switch one of them off, and give it another address or a reservation of its own"
 
 
-def duplicate_addresses_check(site: OwnSite) -> Step:
+def duplicate_addresses_check(site: parse.OwnSite) -> base.Step:
     """The router's ARP and leases, and what the gateway computer has seen."""
-    return step("duplicate-addresses", "No address of the LAN twice", _Duplicates(site), site.hosts)
+    return parse.step("duplicate-addresses", "No address of the LAN twice", _Duplicates(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Duplicates:
     """No address of the LAN twice."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         arp = ("address", "mac-address", "interface", "complete", "status", "disabled", "invalid")
         return (
-            *ask("arp", self.site, "/ip/arp", *arp),
-            *ask("leases", self.site, "/ip/dhcp-server/lease", "address", "mac-address", "status", "disabled"),
-            *run("neighbours", self.site, "ip -j neigh show"),
+            *parse.ask("arp", self.site, "/ip/arp", *arp),
+            *parse.ask("leases", self.site, "/ip/dhcp-server/lease", "address", "mac-address", "status", "disabled"),
+            *parse.run("neighbours", self.site, "ip -j neigh show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        result = [neighbours(results["arp"], router)]
+        result = [parse.neighbours(results["arp"], router)]
         if self.site.gateway is not None:
-            result.append(neighbours(results["neighbours"], self.site.gateway.name))
-        leases = rows(results["leases"], router, "its leases", "address")
+            result.append(parse.neighbours(results["neighbours"], self.site.gateway.name))
+        leases = parse.rows(results["leases"], router, "its leases", "address")
         lan_neighbours = [
             item for part in result if not isinstance(part, BearerFinding) for item in part if self._in_lan(item)
         ]
@@ -321,28 +303,29 @@ class _Duplicates:
             *self._busy(() if isinstance(leases, BearerFinding) else leases),
         ]
         evidence = tuple(
-            read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac) for neighbour in lan_neighbours
+            parse.read(f"{neighbour.address}, seen by {neighbour.seen_by}", neighbour.mac)
+            for neighbour in lan_neighbours
         )
-        return ProbeResult(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(lan_neighbours),), evidence)
+        return base.ProbeResult(tuple(dict.fromkeys((*wrong, *silence))) or (self._fine(lan_neighbours),), evidence)
 
-    def _in_lan(self, neighbour: Neighbour) -> bool:
+    def _in_lan(self, neighbour: parse.Neighbour) -> bool:
         return IPv4Address(neighbour.address) in self.site.site_config.lan.network
 
-    def _twice(self, lan_neighbours: Sequence[Neighbour]) -> Iterator[BearerFinding]:
-        cards: dict[str, dict[str, Neighbour]] = {}
+    def _twice(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[BearerFinding]:
+        cards: dict[str, dict[str, parse.Neighbour]] = {}
         for neighbour in sorted(lan_neighbours, key=lambda entry: not entry.fresh):
             cards.setdefault(neighbour.address, {}).setdefault(neighbour.mac, neighbour)
         for address, macs in cards.items():
-            text = join_words(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
+            text = parse.join_words(f"{mac} (seen by {item.seen_by})" for mac, item in macs.items())
             if len(macs) > 1 and all(neighbour.fresh for neighbour in macs.values()):
-                yield fail("address-twice", f"{address} is answered by two cards: {text}", _DUPLICATE_HINT)
+                yield parse.fail("address-twice", f"{address} is answered by two cards: {text}", _DUPLICATE_HINT)
             elif len(macs) > 1:
                 message = f"{address} was answered by another card some time ago: {text}"
-                yield warn(
+                yield parse.warn(
                     "address-changed", message, "repeat the check in some minutes: if it stays so, find the other one"
                 )
 
-    def _wrong(self, lan_neighbours: Sequence[Neighbour]) -> Iterator[BearerFinding]:
+    def _wrong(self, lan_neighbours: Sequence[parse.Neighbour]) -> Iterator[BearerFinding]:
         lan = self.site.site_config.lan
         by_address = {str(reservation.address): reservation for reservation in lan.reservations}
         by_card = {reservation.mac.lower(): reservation for reservation in lan.reservations}
@@ -356,36 +339,36 @@ class _Duplicates:
                 hint = (
                     f"correct `mac:` of {reserved_host.name} if its card is a new one; else find who took its address"
                 )
-                yield fail("wrong-card", message, hint)
+                yield parse.fail("wrong-card", message, hint)
             elif reserved_host is None and owner is not None:
                 message = f"{owner.name} has the address {neighbour.address}, not its reserved {owner.address}"
                 hint = f"set {owner.name} to DHCP and let it ask anew: others look for it at {owner.address}"
-                yield fail("wrong-address", message, hint)
+                yield parse.fail("wrong-address", message, hint)
 
     def _busy(self, leases: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
         """RouterOS' `busy`: somebody answered at an address that was to be handed out (Manual, DHCP)."""
         for row in leases:
             if row.get("status") == "busy":
                 message = f"the router does not hand out {row.get('address', '?')}: somebody else answers there"
-                yield warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
+                yield parse.warn("lease-busy", message, "find who has set that address by hand, and set it to DHCP")
 
-    def _fine(self, lan_neighbours: Sequence[Neighbour]) -> BearerFinding:
+    def _fine(self, lan_neighbours: Sequence[parse.Neighbour]) -> BearerFinding:
         count = len({neighbour.address for neighbour in lan_neighbours})
         if not count:
             hint = "switch the robots on and repeat the check: only who has been spoken to lately is seen"
-            return unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)
+            return parse.unknown("nobody-seen", "neither router nor gateway computer has seen anybody in the LAN", hint)
         are = "1 address of the LAN is" if count == 1 else f"{count} addresses of the LAN are each"
-        return good("each-once", f"{are} answered by one card, as reserved")
+        return parse.good("each-once", f"{are} answered by one card, as reserved")
 
 
 _DHCP_HINT = "unplug it, or switch its DHCP server off: a robot that takes its lease is lost to the site"
 
 
-def rogue_dhcp_check(site: OwnSite) -> Step:
+def rogue_dhcp_check(site: parse.OwnSite) -> base.Step:
     """The router is asked for alerts, and the LAN for offers."""
     title = "No other DHCP server on the LAN"
     if site.gateway is None:
-        return by_hand(
+        return parse.by_hand(
             "rogue-dhcp",
             title,
             f"Ask the LAN of {site.name} for DHCP offers, as with `sudo nmap --script broadcast-dhcp-discover` on a"
@@ -393,53 +376,55 @@ def rogue_dhcp_check(site: OwnSite) -> Step:
             f"Only the router offers an address: {site.site_config.lan.gateway}.",
             site.hosts,
         )
-    return step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
+    return parse.step("rogue-dhcp", title, _RogueDhcp(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _RogueDhcp:
     """No other DHCP server on the LAN."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
         cards = tuple(reservation.mac for reservation in self.site.site_config.lan.reservations)
         return (
-            DhcpDiscoverRequest("offers", Place.GATEWAY, self.site.gateway.interface, cards=cards),
-            *run("router", self.site, f"ip -j neigh show to {self.site.site_config.lan.gateway}"),
-            *ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
+            base.DhcpDiscoverRequest("offers", base.Place.GATEWAY, self.site.gateway.interface, cards=cards),
+            *parse.run("router", self.site, f"ip -j neigh show to {self.site.site_config.lan.gateway}"),
+            *parse.ask("alerts", self.site, "/ip/dhcp-server/alert", "interface", "unknown-server", "disabled"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        dhcp_offers = offers(results["offers"], self.site.gateway.name)
+        dhcp_offers = parse.offers(results["offers"], self.site.gateway.name)
         alerts = tuple(self._alerts(results))
         if isinstance(dhcp_offers, BearerFinding):
-            return ProbeResult((*alerts, dhcp_offers))
+            return base.ProbeResult((*alerts, dhcp_offers))
         each = {(offer.server, offer.mac): offer for offer in dhcp_offers}.values()
-        evidence = tuple(measured_evidence(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
+        evidence = tuple(parse.measured_evidence(f"DHCP offer of {item.server}", _offer_text(item)) for item in each)
         findings = tuple(
             finding
             for finding in self._judge_offers(dhcp_offers, self._card(results))
             if not alerts or finding.verdict is not Verdict.PASS
         )
-        return ProbeResult((*alerts, *findings), evidence)
+        return base.ProbeResult((*alerts, *findings), evidence)
 
-    def _alerts(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
+    def _alerts(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
         """Rows are there only where somebody has made some; that a router does not tell is no finding then."""
         if self.site.router is None or "alerts" not in results:
             return
-        result = rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
+        result = parse.rows(results["alerts"], self.site.router.name, "its DHCP alerts", "interface")
         for row in () if isinstance(result, BearerFinding) else result:
             server = row.get("unknown-server", "")
-            if server and not yes(row, "disabled"):
+            if server and not parse.yes(row, "disabled"):
                 place = row.get("interface", "its LAN")
-                yield fail("dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _DHCP_HINT)
+                yield parse.fail(
+                    "dhcp-alert", f"the router has seen another DHCP server on {place}: {server}", _DHCP_HINT
+                )
 
-    def _card(self, results: Mapping[str, Answer]) -> str | None:
+    def _card(self, results: Mapping[str, base.Answer]) -> str | None:
         """Which card the gateway computer knows the router by; that it has not spoken to it lately proves nothing."""
-        result = neighbours(results["router"], "")
+        result = parse.neighbours(results["router"], "")
         local = str(self.site.site_config.lan.gateway)
         return (
             None
@@ -447,43 +432,47 @@ class _RogueDhcp:
             else next((neighbour.mac for neighbour in result if neighbour.address == local), None)
         )
 
-    def _judge_offers(self, dhcp_offers: tuple[DhcpOffer, ...], router_card: str | None) -> Iterator[BearerFinding]:
+    def _judge_offers(
+        self, dhcp_offers: tuple[base.DhcpOffer, ...], router_card: str | None
+    ) -> Iterator[BearerFinding]:
         local = str(self.site.site_config.lan.gateway)
         strangers = {(item.server, item.mac): item for item in dhcp_offers if item.server != local}
         cards = sorted({offer.mac for offer in dhcp_offers if offer.server == local and offer.mac is not None})
         strange = [card for card in cards if router_card not in {None, card}]
         for stranger in strangers.values():
             sender = _sender(self.site, stranger.server, stranger.mac)
-            yield fail(
+            yield parse.fail(
                 "rogue-dhcp",
                 f"{sender} hands out addresses on the LAN, too: {_offer_text(stranger)}",
                 _DHCP_HINT,
             )
         if len(cards) > 1:
             message = f"two cards hand out addresses as the router {local}: {cards[0]} and {cards[1]}"
-            yield fail("router-twice", message, "one of them is not the router: find it by its card, and unplug it")
+            yield parse.fail(
+                "router-twice", message, "one of them is not the router: find it by its card, and unplug it"
+            )
         elif strange:
             message = f"{strange[0]} hands out addresses as the router {local}, whose card is {router_card}"
-            yield fail("not-the-router", message, "find it by its card, and unplug it")
+            yield parse.fail("not-the-router", message, "find it by its card, and unplug it")
         if not dhcp_offers:
             hint = "is the gateway computer in the LAN, and does `/ip/dhcp-server print` of the router show no flag?"
-            yield unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
+            yield parse.unknown("nobody-offers", f"nobody answered a DHCP request, not even the router {local}", hint)
         elif not strangers and not strange and len(cards) < 2:  # noqa: PLR2004 - two are one too many
             request_count = 2 + len(self.site.site_config.lan.reservations)
-            yield good(
+            yield parse.good(
                 "only-the-router",
                 f"the router {local} alone offers an address, to whichever of {request_count} cards asks",
             )
 
 
-def _sender(site: OwnSite, address: str, mac: str | None) -> str:
+def _sender(site: parse.OwnSite, address: str, mac: str | None) -> str:
     """An address, with the card and whose it is by the reservations."""
     cards = {card.mac.lower(): card.name for card in site.site_config.lan.reservations}
     whose = cards.get((mac or "").lower())
     return f"{address} ({mac or 'card unknown'}{f', the card of {whose}' if whose else ''})"
 
 
-def _offer_text(offer: DhcpOffer) -> str:
+def _offer_text(offer: base.DhcpOffer) -> str:
     gateway = f" with gateway {offer.router}" if offer.router else ""
     return f"it offered {offer.address}{gateway}"
 
@@ -491,11 +480,11 @@ def _offer_text(offer: DhcpOffer) -> str:
 _SOLICIT_S = 8.0
 
 
-def rogue_router_check(site: OwnSite) -> Step:
+def rogue_router_check(site: parse.OwnSite) -> base.Step:
     """The LAN is asked for IPv6 routers: the declared one sends no advertisement."""
     title = "No other router on the LAN"
     if site.gateway is None:
-        return by_hand(
+        return parse.by_hand(
             "rogue-router",
             title,
             f"Ask the LAN of {site.name} for IPv6 routers, as with `rdisc6` of the package ndisc6 on a computer in it:"
@@ -503,44 +492,44 @@ def rogue_router_check(site: OwnSite) -> Step:
             "No router answers.",
             site.hosts,
         )
-    return step("rogue-router", title, _RogueRouter(site), site.hosts)
+    return parse.step("rogue-router", title, _RogueRouter(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _RogueRouter:
     """No other router on the LAN."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        return (RouterSolicitRequest("routers", Place.GATEWAY, self.site.gateway.interface, _SOLICIT_S),)
+        return (base.RouterSolicitRequest("routers", base.Place.GATEWAY, self.site.gateway.interface, _SOLICIT_S),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.gateway is not None  # noqa: S101 - the step is skipped without one
-        advertisements = routers(results["routers"], self.site.gateway.name)
+        advertisements = parse.routers(results["routers"], self.site.gateway.name)
         if isinstance(advertisements, BearerFinding):
-            return ProbeResult((advertisements,))
+            return base.ProbeResult((advertisements,))
         evidence = tuple(
-            measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
+            parse.measured_evidence(f"router advertisement of {item.address}", _advertisement_text(item))
             for item in advertisements
         )
         words = f"no IPv6 router answered 2 router solicitations on the LAN within {_SOLICIT_S:g} s"
-        return ProbeResult(
-            tuple(self._finding(item) for item in advertisements) or (good("no-other-router", words),), evidence
+        return base.ProbeResult(
+            tuple(self._finding(item) for item in advertisements) or (parse.good("no-other-router", words),), evidence
         )
 
-    def _finding(self, router: RouterAdvertisement) -> BearerFinding:
+    def _finding(self, router: base.RouterAdvertisement) -> BearerFinding:
         sender = _sender(self.site, router.address, router.mac)
         message = f"{sender} announces itself as an IPv6 router on the LAN: {_advertisement_text(router)}"
         hint = (
             "unplug it, or switch its router advertisements off: gateways ignore them, other computers and robots on"
             " the LAN do not"
         )
-        return fail("rogue-router", message, hint)
+        return parse.fail("rogue-router", message, hint)
 
 
-def _advertisement_text(router: RouterAdvertisement) -> str:
+def _advertisement_text(router: base.RouterAdvertisement) -> str:
     route = f"a default route for {router.lifetime_s} s" if router.lifetime_s else "no default route"
     prefixes = f", and addresses of {', '.join(router.prefixes)}" if router.prefixes else ""
     return f"it offers {route}{prefixes}"

@@ -8,24 +8,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.clock import router_time
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    ask,
-    fail,
-    good,
-    join_words,
-    read,
-    rows,
-    run,
-    silent,
-    step,
-    unknown,
-    unreadable,
-    warn,
-    yes,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Rows, Step
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.routeros.render import prerequisites
 
@@ -72,28 +57,28 @@ class _SiteCertificate:
         return f"certificate `{self.name}` of {self.holder}"
 
 
-def certificates_check(site: OwnSite) -> Step:
+def certificates_check(site: parse.OwnSite) -> base.Step:
     """Those on the router, and those in the gateway computer's identity; keys are not read."""
-    return step("certificates", "Certificates are valid", _Certificates(site), site.hosts)
+    return parse.step("certificates", "Certificates are valid", _Certificates(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Certificates:
     """Certificates are valid."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
     @property
     def _gateway_is_in(self) -> bool:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
-    def asks(self) -> tuple[Question, ...]:
-        local = run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
-        return (*ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
+    def asks(self) -> tuple[base.Question, ...]:
+        local = parse.run("identity", self.site, f"openssl storeutl -noout -text -certs {IDENTITY}")
+        return (*parse.ask("router", self.site, "/certificate", *_MENU), *(local if self._gateway_is_in else ()))
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        result = rows(results["router"], self.site.router.name, "its certificates", "name")
+        result = parse.rows(results["router"], self.site.router.name, "its certificates", "name")
         missing: list[BearerFinding] = []
         certificates: list[_SiteCertificate] = []
         if isinstance(result, BearerFinding):
@@ -109,11 +94,11 @@ class _Certificates:
         now = _now(results)
         wrong = [finding for item in certificates for finding in _judge_certificate(item, now)]
         evidence = tuple(
-            read(f"{certificate.title}: valid until", f"{certificate.until:%Y-%m-%d}")
+            parse.read(f"{certificate.title}: valid until", f"{certificate.until:%Y-%m-%d}")
             for certificate in certificates
             if certificate.until
         )
-        return ProbeResult((*wrong, *missing) or (_fine(certificates),), evidence)
+        return base.ProbeResult((*wrong, *missing) or (_fine(certificates),), evidence)
 
     @property
     def _reason_by_name(self) -> Mapping[str, str]:
@@ -130,7 +115,7 @@ class _Certificates:
         for name, reason in self._reason_by_name.items():
             if name not in there:
                 message = f"{self.site.router.name} has no certificate `{name}`: {reason}"
-                yield fail("certificate-missing", message, self._renewal(name))
+                yield parse.fail("certificate-missing", message, self._renewal(name))
 
     def _renewal(self, name: str) -> str:
         """The tunnel's, and its authority's, come from the VPN's desk; that of api-ssl the router makes itself."""
@@ -144,9 +129,9 @@ class _Certificates:
         for row in result:
             since, until = (_router_stamp(row.get(name, "")) for name in ("invalid-before", "invalid-after"))
             name = row.get("name", "?")
-            used = name in self._reason_by_name or yes(row, "authority")
+            used = name in self._reason_by_name or parse.yes(row, "authority")
             if until is not None or name in self._reason_by_name:
-                renew, is_expired, unfit = self._renewal(name), yes(row, "expired"), self._unfit(name, row)
+                renew, is_expired, unfit = self._renewal(name), parse.yes(row, "expired"), self._unfit(name, row)
                 host = self.site.router.name
                 yield _SiteCertificate(
                     host, name, since, until, used=used, is_expired=is_expired, unfit=unfit, renew=renew
@@ -157,7 +142,7 @@ class _Certificates:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         tunnel = self.site.view.tunnel if self.site.view is not None else None
         host, subject = self.site.router.name, row.get("common-name")
-        if yes(row, "revoked"):
+        if parse.yes(row, "revoked"):
             return "is revoked"
         if name in self._reason_by_name and row.get("private-key") in {"false", "no"}:
             return "has no private key there, so that nobody can use it"
@@ -166,9 +151,9 @@ class _Certificates:
         return ""
 
 
-def _now(results: Mapping[str, Answer]) -> datetime:
+def _now(results: Mapping[str, base.Answer]) -> datetime:
     """When this computer had the answers."""
-    stamps = [answer.response_time for answer in results.values() if isinstance(answer, CommandResult | Rows)]
+    stamps = [answer.response_time for answer in results.values() if isinstance(answer, base.CommandResult | base.Rows)]
     return datetime.fromtimestamp(max(stamps, default=0.0) or time.time(), UTC)
 
 
@@ -177,20 +162,22 @@ def _router_stamp(text: str) -> datetime | None:
     return router_time({"date": date, "time": clock})
 
 
-def _of_identity(name: str, site: str, answer: Answer) -> list[_SiteCertificate] | BearerFinding:
+def _of_identity(name: str, site: str, answer: base.Answer) -> list[_SiteCertificate] | BearerFinding:
     """Read what openssl prints of every certificate in a file; it ends with 8 where it meets a key it does not know."""
-    if not isinstance(answer, CommandResult):
-        return unreadable(name, "its identity in the VPN")
+    if not isinstance(answer, base.CommandResult):
+        return parse.unreadable(name, "its identity in the VPN")
     if answer.trouble is not None:
-        return silent(name, answer.trouble, answer.words)
+        return parse.silent(name, answer.trouble, answer.words)
     names, dates = _SUBJECT.findall(answer.out), _DATES.findall(answer.out)
     if not dates or len(names) != len(dates):
         hint = f"`provision site={site} only={name}` brings it there; only root may read it"
-        return unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
+        return parse.unknown("identity-unreadable", f"no certificate can be read from the VPN identity of {name}", hint)
     renew = _COMPUTER.format(name=name, site=site)
     if name not in [subject.strip() for subject in names]:
-        there = join_words(subject.strip() for subject in names)
-        return fail("other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew)
+        there = parse.join_words(subject.strip() for subject in names)
+        return parse.fail(
+            "other-identity", f"the VPN identity of {name} holds {there}, and no certificate of {name}", renew
+        )
     return [
         _SiteCertificate(name, subject.strip(), _stamp(since), _stamp(until), renew=renew)
         for subject, (since, until) in zip(names, dates, strict=True)
@@ -206,7 +193,7 @@ def _stamp(text: str) -> datetime | None:
 
 def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator[BearerFinding]:
     if certificate.until is None:
-        yield unknown(
+        yield parse.unknown(
             "no-date",
             f"nobody can tell until when the {certificate.title} is valid",
             f"look at {certificate.holder} by hand",
@@ -215,26 +202,28 @@ def _judge_certificate(certificate: _SiteCertificate, now: datetime) -> Iterator
         if certificate.until < now or certificate.is_expired:
             text = f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}"
             message = f"{text}, and nothing that is declared uses it"
-            yield warn("old-certificate", message, f"remove it from {certificate.holder}")
+            yield parse.warn("old-certificate", message, f"remove it from {certificate.holder}")
     elif certificate.unfit:
-        yield fail("unfit", f"the {certificate.title} {certificate.unfit}", certificate.renew)
+        yield parse.fail("unfit", f"the {certificate.title} {certificate.unfit}", certificate.renew)
     elif certificate.until < now:
-        yield fail("expired", f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}", certificate.renew)
+        yield parse.fail(
+            "expired", f"the {certificate.title} expired on {certificate.until:%Y-%m-%d}", certificate.renew
+        )
     elif certificate.is_expired:
         message = (
             f"{certificate.holder} takes its certificate `{certificate.name}` for expired, though it is valid until"
         )
-        yield fail(
+        yield parse.fail(
             "clock-expired", f"{message} {certificate.until:%Y-%m-%d}", f"set the clock of {certificate.holder} first"
         )
     elif certificate.since is not None and certificate.since > now + timedelta(minutes=5):
         message = f"the {certificate.title} is only valid from {certificate.since:%Y-%m-%d %H:%M} UTC on"
-        yield fail(
+        yield parse.fail(
             "not-yet-valid", message, "look at the clocks of this computer and of the device: one of them is wrong"
         )
     elif certificate.until < now + SOON:
         days = (certificate.until - now).days
-        yield warn(
+        yield parse.warn(
             "expires-soon",
             f"the {certificate.title} expires in {days} days, on {certificate.until:%Y-%m-%d}",
             certificate.renew,
@@ -245,5 +234,5 @@ def _fine(certificates: Sequence[_SiteCertificate]) -> BearerFinding:
     """Of those that are used: a declared one that is not there has been told of."""
     until = [certificate.until for certificate in certificates if certificate.used and certificate.until is not None]
     if len(until) == 1:
-        return good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
-    return good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")
+        return parse.good("valid", f"the one certificate is valid until {until[0]:%Y-%m-%d}")
+    return parse.good("valid", f"{len(until)} certificates are valid, the first to expire on {min(until):%Y-%m-%d}")

@@ -7,23 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    ask,
-    fail,
-    get_output,
-    good,
-    join_words,
-    measured_evidence,
-    read,
-    rows,
-    run,
-    step,
-    unknown,
-    unreadable,
-    warn,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Rows, Step
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
@@ -74,25 +59,25 @@ def _span(seconds: float) -> str:
     return f"{seconds / length:.0f} {name}"
 
 
-def clock_check(site: OwnSite) -> Step:
+def clock_check(site: parse.OwnSite) -> base.Step:
     """The clocks of router, gateway computer and this computer, beside each other, and what sets them."""
-    return step("clock", "Clocks agree, and are set by time servers", _ClockReading(site), site.hosts)
+    return parse.step("clock", "Clocks agree, and are set by time servers", _ClockReading(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _ClockReading:
     """Clocks agree, and are set by time servers."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         return (
-            *ask("clock", self.site, "/system/clock"),
-            *ask("ntp", self.site, "/system/ntp/client"),
-            *run("timedatectl", self.site, "timedatectl show"),
+            *parse.ask("clock", self.site, "/system/clock"),
+            *parse.ask("ntp", self.site, "/system/ntp/client"),
+            *parse.run("timedatectl", self.site, "timedatectl show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
         offsets: dict[str, Offset | BearerFinding] = {router: _of_router(router, results["clock"])}
@@ -105,28 +90,28 @@ class _ClockReading:
             *self._set(results, known_offsets),
         ]
         evidence = [
-            measured_evidence(f"clock of {name}, to this computer's", item.words)
+            parse.measured_evidence(f"clock of {name}, to this computer's", item.words)
             for name, item in known_offsets.items()
         ]
-        agree = f"the clocks of {join_words((*known_offsets, 'this computer'))} agree"
-        fine = good("clocks-agree", f"{agree}, and time servers set them")
-        return ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
+        agree = f"the clocks of {parse.join_words((*known_offsets, 'this computer'))} agree"
+        fine = parse.good("clocks-agree", f"{agree}, and time servers set them")
+        return base.ProbeResult(tuple(wrong) or (fine,), (*evidence, *self._evidence(results)))
 
-    def _set(self, results: Mapping[str, Answer], known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
+    def _set(self, results: Mapping[str, base.Answer], known_offsets: Mapping[str, Offset]) -> Iterator[BearerFinding]:
         """What sets the clocks, and the zones that they show; of those that did not answer it has been said."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, zone = self.site.router.name, self.site.declaration.pilot.time_zone
-        clock, ntp = _row(results["clock"]), rows(results["ntp"], name, "what sets its clock", "enabled")
+        clock, ntp = _row(results["clock"]), parse.rows(results["ntp"], name, "what sets its clock", "enabled")
         if name in known_offsets:
             yield from _zone(name, clock.get("time-zone-name", ""), zone)
             yield from (ntp,) if isinstance(ntp, BearerFinding) else self._of_client(name, ntp[0] if ntp else {})
         gateway = self.site.gateway
         if gateway is not None and gateway.name in known_offsets:
-            reply, result = get_output(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
+            reply, result = parse.get_output(results["timedatectl"], gateway.name), _pairs(results["timedatectl"])
             if isinstance(reply, BearerFinding):
                 yield reply
             elif not {result.get("NTP"), result.get("NTPSynchronized")} <= _YES_NO:
-                yield unreadable(gateway.name, "the service that sets its clock")
+                yield parse.unreadable(gateway.name, "the service that sets its clock")
             elif result["NTP"] == "no":
                 yield _unset(gateway.name)
             elif result["NTPSynchronized"] == "no":
@@ -144,20 +129,20 @@ class _ClockReading:
         elif status != "synchronized":
             text = f"`{status}`" if status else "nothing"
             message = f"the NTP client of {name} says {text}: whether a time server has set its clock is not known"
-            yield unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
+            yield parse.unknown("ntp-unknown", message, f"look at `/system/ntp/client/print` of {name}")
         elif server and server not in time_servers:
             message = f"the clock of {name} was set by {server}, which is none of the declared time servers"
             hint = "run the site, which sets the declared ones; if that one is right, declare it in `time_servers`"
-            yield unknown("other-time-server", message, hint)
+            yield parse.unknown("other-time-server", message, hint)
 
-    def _evidence(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _evidence(self, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         ntp, values = _row(results["ntp"]), _pairs(results["timedatectl"]) if self.site.gateway is not None else {}
         if "status" in ntp:
             server = f" with {ntp['synced-server']}" if ntp.get("synced-server") else ""
-            yield read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
+            yield parse.read(f"NTP client of {self.site.router.name}", ntp["status"] + server)
         if self.site.gateway is not None and "NTPSynchronized" in values:
-            yield read(f"NTPSynchronized of {self.site.gateway.name}", values["NTPSynchronized"])
+            yield parse.read(f"NTPSynchronized of {self.site.gateway.name}", values["NTPSynchronized"])
 
 
 _YES_NO = frozenset({"yes", "no"})
@@ -170,16 +155,18 @@ def _judge_offsets(known_offsets: Mapping[str, Offset]) -> Iterator[BearerFindin
         sample = next(iter(wrong.values()))
         span = _span(abs(sample.least_s + sample.most_s) / 2)
         behind = sample.least_s > 0
-        message = f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {join_words(wrong)}"
-        yield fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
+        message = (
+            f"this computer's clock is {span} {'behind' if behind else 'ahead'} those of {parse.join_words(wrong)}"
+        )
+        yield parse.fail("laptop-clock", message, "set this computer's clock by a time server, then repeat the check")
         return
     for name, entry in wrong.items():
         hint = f"can {name} reach the declared time servers? certificates are refused while a clock is wrong"
-        yield fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
+        yield parse.fail("clock-wrong", f"the clock of {name} is {entry.words} this computer's", hint)
     for name, item in known_offsets.items():
         if item.coarse:
             message = f"{name} took so long to answer that its clock may be {max(item.most_s, -item.least_s):.0f} s off"
-            yield unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
+            yield parse.unknown("compared-too-coarsely", message, "repeat the check when the link to it has no gap")
 
 
 def _together(offsets: list[Offset]) -> bool:
@@ -189,25 +176,27 @@ def _together(offsets: list[Offset]) -> bool:
 def _zone(name: str, text: str, zone: str) -> Iterator[BearerFinding]:
     if text and text != zone:
         message = f"the clock of {name} shows the time of {text}, and {zone} is declared"
-        yield warn("time-zone", message, "run the site, which sets the declared `time_zone`")
+        yield parse.warn("time-zone", message, "run the site, which sets the declared `time_zone`")
 
 
 def _waiting(name: str, site: str) -> BearerFinding:
     hint = f"can {name} reach the declared time servers? `provision links site={site}` tells whether any bearer is up"
-    return warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
+    return parse.warn("not-synchronised", f"no time server has set the clock of {name} yet", hint)
 
 
 def _unset(name: str) -> BearerFinding:
-    return fail("no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on")
+    return parse.fail(
+        "no-time-server", f"nothing sets the clock of {name}", "run the site, which switches its NTP client on"
+    )
 
 
-def _of_router(name: str, answer: Answer) -> Offset | BearerFinding:
-    result = rows(answer, name, "its clock", "time")
+def _of_router(name: str, answer: base.Answer) -> Offset | BearerFinding:
+    result = parse.rows(answer, name, "its clock", "time")
     if isinstance(result, BearerFinding):
         return result
     moment = router_time(result[0]) if result else None
-    if moment is None or not isinstance(answer, Rows):
-        return unreadable(name, "its clock")
+    if moment is None or not isinstance(answer, base.Rows):
+        return parse.unreadable(name, "its clock")
     if not answer.response_time:
         return _not_compared_finding(name)
     return Offset(moment.timestamp() - answer.response_time, moment.timestamp() + 1 - answer.request_time)
@@ -230,24 +219,26 @@ def router_time(row: Mapping[str, str]) -> datetime | None:
         return None
 
 
-def _of_computer(name: str, answer: Answer) -> Offset | BearerFinding:
+def _of_computer(name: str, answer: base.Answer) -> Offset | BearerFinding:
     """Whatever the program says: when it was started, its clock was read."""
-    if not isinstance(answer, CommandResult) or answer.trouble is not None or not answer.began:
-        result = get_output(answer, name)
-        return result if isinstance(result, BearerFinding) else unreadable(name, "its clock")
+    if not isinstance(answer, base.CommandResult) or answer.trouble is not None or not answer.began:
+        result = parse.get_output(answer, name)
+        return result if isinstance(result, BearerFinding) else parse.unreadable(name, "its clock")
     if not answer.response_time:
         return _not_compared_finding(name)
     return Offset(answer.began - answer.response_time, answer.began - answer.request_time)
 
 
 def _not_compared_finding(name: str) -> BearerFinding:
-    return unknown("not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check")
+    return parse.unknown(
+        "not-compared", f"the clock of {name} was not compared with this computer's", "repeat the check"
+    )
 
 
-def _row(answer: Answer) -> Mapping[str, str]:
-    return answer.rows[0] if isinstance(answer, Rows) and answer.trouble is None and answer.rows else {}
+def _row(answer: base.Answer) -> Mapping[str, str]:
+    return answer.rows[0] if isinstance(answer, base.Rows) and answer.trouble is None and answer.rows else {}
 
 
-def _pairs(answer: Answer) -> Mapping[str, str]:
-    text = answer.out if isinstance(answer, CommandResult) and answer.trouble is None else ""
+def _pairs(answer: base.Answer) -> Mapping[str, str]:
+    text = answer.out if isinstance(answer, base.CommandResult) and answer.trouble is None else ""
     return {name: value for name, _, value in (line.partition("=") for line in text.splitlines())}

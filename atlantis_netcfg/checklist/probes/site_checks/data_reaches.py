@@ -14,33 +14,15 @@ import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    active_bearer,
-    addresses,
-    bearer_requests,
-    by_hand,
-    fail,
-    good,
-    measured_evidence,
-    parse_json_list,
-    read,
-    run,
-    silent,
-    step,
-    unknown,
-    unreadable,
-    warn,
-)
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.checklist.probes.site_checks.vpn import TUNNEL
-from atlantis_netcfg.checklist.probes.step import Place, ProbeResult, ReflectRequest, ReflectResult, Trouble
-from atlantis_netcfg.inventory.model import REFLECTOR_PORT, ControlCentre, Gateway, ServerComputer
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, ReflectReply, Step
     from atlantis_netcfg.checklist.report import Evidence
     from atlantis_netcfg.inventory import Declaration
 
@@ -57,9 +39,9 @@ class FarComputer:
     site: str
 
 
-def far_computers(declaration: Declaration, asking: ServerComputer) -> tuple[FarComputer, ...]:
+def far_computers(declaration: Declaration, asking: model.ServerComputer) -> tuple[FarComputer, ...]:
     """Give those that a computer asks: of a control centre the gateways, of all others the control centres."""
-    kind = Gateway if isinstance(asking, ControlCentre) else ControlCentre
+    kind = model.Gateway if isinstance(asking, model.ControlCentre) else model.ControlCentre
     return tuple(
         FarComputer(name, str(host.device.vpn_address), host.site)
         for name, host in declaration.hosts.items()
@@ -67,23 +49,25 @@ def far_computers(declaration: Declaration, asking: ServerComputer) -> tuple[Far
     )
 
 
-def data_reaches_check(site: OwnSite) -> Step:
+def data_reaches_check(site: parse.OwnSite) -> base.Step:
     """A person looks where a computer is not in the VPN, for it applies at every site."""
     computer = site.gateway
     far = () if computer is None else far_computers(site.declaration, computer.device)
     if computer is not None and computer.device.vpn_address is not None and far:
-        centre = isinstance(computer.device, ControlCentre)
+        centre = isinstance(computer.device, model.ControlCentre)
         title = "Data reach every gateway and come back" if centre else "Data reach the control centre and come back"
-        return step(NAME, title, _DataReaches(site, far), (computer.name, *(item.name for item in far)))
+        return parse.step(NAME, title, _DataReaches(site, far), (computer.name, *(item.name for item in far)))
     do = f"No program can send anything through the VPN from {site.name} to the control centre: send something."
-    return by_hand(NAME, "Data reach the control centre and come back", do, "It arrives, and is answered.", site.hosts)
+    return parse.by_hand(
+        NAME, "Data reach the control centre and come back", do, "It arrives, and is answered.", site.hosts
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class _DataReaches:
     """Data reach the control centre and come back."""
 
-    site: OwnSite
+    site: parse.OwnSite
     far: tuple[FarComputer, ...]
 
     @property
@@ -92,38 +76,43 @@ class _DataReaches:
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
         return self.site.gateway.name, str(self.site.gateway.device.vpn_address)
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         far = (question for item in self.far for question in self._questions(item))
-        return (*run("addresses", self.site, "ip -j addr show"), *far, *bearer_requests(self.site))
+        return (*parse.run("addresses", self.site, "ip -j addr show"), *far, *parse.bearer_requests(self.site))
 
-    def _questions(self, far: FarComputer) -> tuple[Question, ...]:
-        way = run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
-        return (*way, ReflectRequest(f"data {far.name}", Place.GATEWAY, self._asking[1], far.address, REFLECTOR_PORT))
+    def _questions(self, far: FarComputer) -> tuple[base.Question, ...]:
+        way = parse.run(f"way {far.name}", self.site, f"ip -j route get {far.address}")
+        return (
+            *way,
+            base.ReflectRequest(
+                f"data {far.name}", base.Place.GATEWAY, self._asking[1], far.address, model.REFLECTOR_PORT
+            ),
+        )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         name, address = self._asking
-        current = addresses(results["addresses"], name)
+        current = parse.addresses(results["addresses"], name)
         if isinstance(current, BearerFinding):
-            return ProbeResult((current,))
+            return base.ProbeResult((current,))
         if address not in {str(item.address.ip) for item in current if item.interface == TUNNEL}:
             hint = f"on {name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
             message = (
                 f"{name} is not in the VPN: {TUNNEL} does not have {address}, so that nothing can be sent through it"
             )
-            return ProbeResult((fail("no-vpn", message, hint),))
+            return base.ProbeResult((parse.fail("no-vpn", message, hint),))
         findings = [self._of(item, results) for item in self.far]
         evidence = [each for item in self.far for each in self._evidence(item, results)]
-        return ProbeResult(tuple(findings), tuple(evidence))
+        return base.ProbeResult(tuple(findings), tuple(evidence))
 
-    def _of(self, far: FarComputer, results: Mapping[str, Answer]) -> BearerFinding:
+    def _of(self, far: FarComputer, results: Mapping[str, base.Answer]) -> BearerFinding:
         """What the way there and the answers come to."""
         name = self._asking[0]
         wrong = _wrong_way(name, far, results[f"way {far.name}"])
         if wrong is not None:
             return wrong
         answer = results[f"data {far.name}"]
-        if not isinstance(answer, ReflectResult):
-            return unreadable(name, "what came back")
+        if not isinstance(answer, base.ReflectResult):
+            return parse.unreadable(name, "what came back")
         if answer.trouble is not None:
             return _not_sent(name, far, answer)
         if not answer.answers:
@@ -131,29 +120,31 @@ class _DataReaches:
         strange = next(filter(None, (_strange(far, self._asking[1], item, answer) for item in answer.answers)), None)
         return strange or self._judge_delays(far, answer, results)
 
-    def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, Answer]) -> BearerFinding:
+    def _silence(self, far: FarComputer, message_count: int, results: Mapping[str, base.Answer]) -> BearerFinding:
         """Silence over a satellite proves nothing, nor does that of a gateway where perhaps nobody is."""
-        bearer, over = active_bearer(self.site, results), self._over(results)
+        bearer, over = parse.active_bearer(self.site, results), self._over(results)
         if bearer is not None and bearer.kind.traits.allow_list:
-            return unknown(
+            return parse.unknown(
                 "far-end-silent-satellite",
                 f"{far.name} has answered none of {message_count} messages, over a satellite that may pause for 70 s",
                 "repeat the check; three silent rounds are more than a pause of the satellite",
             )
-        if isinstance(getattr(self.site.gateway, "device", None), ControlCentre):
-            return unknown(
+        if isinstance(getattr(self.site.gateway, "device", None), model.ControlCentre):
+            return parse.unknown(
                 "gateway-silent",
                 f"{far.name} has answered none of {message_count} messages: it may be off",
                 f"is {far.name} switched on? the checklist of {far.site} looks from its end",
             )
-        return fail(
+        return parse.fail(
             "far-end-silent",
             f"{far.name} has answered none of {message_count} messages {over}; "
             "the item `vpn` tells whether its server answers",
             f"is {far.name} switched on? the checklist of {far.site} looks from its end",
         )
 
-    def _judge_delays(self, far: FarComputer, answer: ReflectResult, results: Mapping[str, Answer]) -> BearerFinding:
+    def _judge_delays(
+        self, far: FarComputer, answer: base.ReflectResult, results: Mapping[str, base.Answer]
+    ) -> BearerFinding:
         delays = {_row(item)["token"]: item.delay_s for item in answer.answers}
         worst, limit = max(delays.values()), self.site.site_config.checklist.answer_within_s
         emulation_note = ", emulated" if any(_row(item).get("emulated") for item in answer.answers) else ""
@@ -163,69 +154,69 @@ class _DataReaches:
         )
         if limit is not None and worst > limit:
             message = f"{text}, and `answer_within_s` is {limit:g}"
-            return fail("late", message, f"look at `provision links site={self.site.name}`")
+            return parse.fail("late", message, f"look at `provision links site={self.site.name}`")
         if len(delays) < len(answer.tokens):
-            return warn("data-lost", text, f"look at `provision links site={self.site.name}`")
-        return good("data-reaches", text)
+            return parse.warn("data-lost", text, f"look at `provision links site={self.site.name}`")
+        return parse.good("data-reaches", text)
 
-    def _over(self, results: Mapping[str, Answer]) -> str:
+    def _over(self, results: Mapping[str, base.Answer]) -> str:
         """The way in words; which link carries the tunnel the router tells."""
-        bearer = active_bearer(self.site, results)
+        bearer = parse.active_bearer(self.site, results)
         over = "a link that the router does not tell" if bearer is None else bearer.name
         return f"through the VPN over {over}"
 
-    def _evidence(self, far: FarComputer, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _evidence(self, far: FarComputer, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         name, address = self._asking
         answer = results[f"data {far.name}"]
-        way = parse_json_list(results[f"way {far.name}"], name, "its way")
+        way = parse.parse_json_list(results[f"way {far.name}"], name, "its way")
         if not isinstance(way, BearerFinding) and way:
-            yield read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
-        for item in answer.answers if isinstance(answer, ReflectResult) else ():
+            yield parse.read(f"way from {name} to {far.name}", f"{way[0].get('dev', '?')}, {self._over(results)}")
+        for item in answer.answers if isinstance(answer, base.ReflectResult) else ():
             row = _row(item)
             there = f"there from {row.get('from', '?')} by {row.get('by', '?')}, back by {item.interface}"
-            yield measured_evidence(
+            yield parse.measured_evidence(
                 f"message {address} to {far.address} and back", f"{item.delay_s * 1000:.0f} ms, {there}"
             )
 
 
-def _wrong_way(name: str, far: FarComputer, answer: Answer) -> BearerFinding | None:
+def _wrong_way(name: str, far: FarComputer, answer: base.Answer) -> BearerFinding | None:
     """Why nothing that is sent would pass the VPN; None: it would."""
     if getattr(answer, "trouble", None) is None and "unreachable" in getattr(answer, "err", "").lower():
-        return fail(
+        return parse.fail(
             "no-way",
             f"{name} has no route to {far.name} at {far.address}",
             f"on {name}: `systemctl restart openvpn-client@atlantis` sets the tunnel's routes again",
         )
-    way = parse_json_list(answer, name, "its way to the other end")
+    way = parse.parse_json_list(answer, name, "its way to the other end")
     if isinstance(way, BearerFinding):
         return way
     device = str(way[0].get("dev")) if way else "another way"
     if device == TUNNEL:
         return None
-    return fail(
+    return parse.fail(
         "way-outside-vpn",
         f"data for {far.name} would leave {name} by {device}, and not through the VPN",
         f"on {name}: `ip route get {far.address}` shows the route; remove the one that somebody has added",
     )
 
 
-def _not_sent(name: str, far: FarComputer, answer: ReflectResult) -> BearerFinding:
-    if answer.trouble is Trouble.REFUSED:
-        return fail(
+def _not_sent(name: str, far: FarComputer, answer: base.ReflectResult) -> BearerFinding:
+    if answer.trouble is base.Trouble.REFUSED:
+        return parse.fail(
             "nobody-answers-data",
             f"{far.name} is there, and nothing at it answers messages",
             f"on {far.name}: `systemctl status atlantis-reflector`; a run of {far.site} starts it",
         )
-    if answer.trouble is Trouble.UNREACHABLE:
-        return fail(
+    if answer.trouble is base.Trouble.UNREACHABLE:
+        return parse.fail(
             "data-not-sent",
             f"{name} could not send to {far.name}: {answer.words}",
             f"on {name}: `ip route get {far.address}`; the item `vpn` tells whether the tunnel is up",
         )
-    return silent(name, answer.trouble or Trouble.SILENT, answer.words)
+    return parse.silent(name, answer.trouble or base.Trouble.SILENT, answer.words)
 
 
-def _row(item: ReflectReply) -> dict[str, Any]:
+def _row(item: base.ReflectReply) -> dict[str, Any]:
     """What an answer says; nothing where it is none."""
     try:
         row = json.loads(item.data)
@@ -234,29 +225,31 @@ def _row(item: ReflectReply) -> dict[str, Any]:
     return row if isinstance(row, dict) else {}
 
 
-def _strange(far: FarComputer, asking: str, item: ReflectReply, result: ReflectResult) -> BearerFinding | None:
+def _strange(
+    far: FarComputer, asking: str, item: base.ReflectReply, result: base.ReflectResult
+) -> BearerFinding | None:
     """Why an answer does not count; None: the very token came back, from there and through the VPN both ways."""
     row = _row(item)
     if row.get("token") not in result.tokens:
-        return fail(
+        return parse.fail(
             "other-data",
             f"somebody at {item.sender} answers with something else than what was sent",
             f"find out who answers at {far.address}: run the site of {far.name}, then repeat the check",
         )
     if item.sender != far.address or row.get("to") != far.address:
-        return fail(
+        return parse.fail(
             "answered-elsewhere",
             f"{item.sender} answers what was sent to {far.address}",
             f"no address may be translated inside the VPN: look at NAT rules between here and {far.name}",
         )
     if row.get("host") != far.name:
-        return fail(
+        return parse.fail(
             "other-computer",
             f"{row.get('host')} answers at {far.address}, the address of {far.name}",
             "each address of the VPN belongs to one member: `provision vpn status` shows who has it",
         )
     if item.interface != TUNNEL or row.get("by") != TUNNEL or row.get("from") != asking:
-        return fail(
+        return parse.fail(
             "answered-outside-vpn",
             f"a message has left the VPN: it came to {far.name} from {row.get('from')} by {row.get('by')}, "
             f"and its answer came back by {item.interface}",

@@ -21,31 +21,14 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    by_hand,
-    declared_evidence,
-    fail,
-    get_output,
-    good,
-    join_words,
-    measured_evidence,
-    read,
-    run,
-    silent,
-    step,
-    unknown,
-    unreadable,
-    warn,
-)
-from atlantis_netcfg.checklist.probes.step import DdsDiscoverRequest, DdsDiscoverResult, Place, ProbeResult, Trouble
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from atlantis_netcfg.checklist.probes.step import Answer, Question, Step
     from atlantis_netcfg.inventory.model import Dds
 
 TABLE = "/proc/net/udp"
@@ -127,15 +110,15 @@ class _BoundPorts:
         return sum(item.offset == offset for item in self.sockets)
 
 
-def dds_check(site: OwnSite) -> Step:
+def dds_check(site: parse.OwnSite) -> base.Step:
     """The gateway computer's participants; a person looks where no program can, for it applies at every site."""
     dds = site.declaration.pilot.dds
     if dds is None:
         do = "The pilot declares no DDS, so that no program looks: see which robots speak ROS 2 here, and how."
-        return by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
+        return parse.by_hand("dds", "DDS of the pilot is seen", do, "Nobody needs DDS, or it is seen.", site.hosts[1:])
     if site.gateway is not None:
-        return step("dds", f"DDS answers on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
-    return by_hand(
+        return parse.step("dds", f"DDS answers on the {site.gateway.kind}", _SeenParticipant(site), site.hosts[1:])
+    return parse.by_hand(
         "dds",
         "DDS of another site is seen",
         f"On a computer at {site.name}, list what DDS domain {dds.domain} carries, as with `ros2 topic list`: the site"
@@ -149,7 +132,7 @@ def dds_check(site: OwnSite) -> Step:
 class _SeenParticipant:
     """DDS answers on the gateway computer."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
     @property
     def _dds(self) -> Dds:
@@ -162,42 +145,42 @@ class _SeenParticipant:
         assert self.site.gateway is not None  # noqa: S101 - the step is a person's without one
         return self._dds.address_of(self.site.gateway.device)
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         first = _BASE + _DOMAIN * self._dds.domain + _UNICAST
         ports = tuple(first + _EACH * number for number in range(self._dds.participants))
-        discover = DdsDiscoverRequest("participants", Place.GATEWAY, self._address, self._dds.domain, ports)
-        return (*run("sockets", self.site, f"cat {TABLE}"), discover)
+        discover = base.DdsDiscoverRequest("participants", base.Place.GATEWAY, self._address, self._dds.domain, ports)
+        return (*parse.run("sockets", self.site, f"cat {TABLE}"), discover)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         gateway, dds = self.site.gateway, self._dds
         assert gateway is not None  # noqa: S101 - the step is a person's without one
         result, participants = (
-            get_output(results["sockets"], gateway.name),
+            parse.get_output(results["sockets"], gateway.name),
             _read_participants(results["participants"], gateway.name, self._address),
         )
         if isinstance(result, BearerFinding):
-            return ProbeResult((result,))
+            return base.ProbeResult((result,))
         if "local_address" not in result:
-            return ProbeResult((unreadable(gateway.name, "its UDP sockets"),))
+            return base.ProbeResult((parse.unreadable(gateway.name, "its UDP sockets"),))
         if isinstance(participants, BearerFinding):
-            return ProbeResult((participants,))
+            return base.ProbeResult((participants,))
         bound_ports = tuple(_read_sockets(result))
         ours = next((entry for entry in bound_ports if entry.domain == dds.domain), _BoundPorts(dds.domain, ()))
         near = [entry for entry in bound_ports if entry is not ours and entry.is_dds]
         port_texts = [entry.ports for entry in (ours, *near) if entry.ports]
         there = [participant for participant in participants if participant.domain in {None, dds.domain}]
         evidence = (
-            declared_evidence("domain of DDS", str(dds.domain)),
-            read(f"UDP ports of DDS on {gateway.name}", ", ".join(port_texts) or "none"),
-            measured_evidence(f"DDS participants that answer at {self._address}", _list_addresses(there)),
+            parse.declared_evidence("domain of DDS", str(dds.domain)),
+            parse.read(f"UDP ports of DDS on {gateway.name}", ", ".join(port_texts) or "none"),
+            parse.measured_evidence(f"DDS participants that answer at {self._address}", _list_addresses(there)),
         )
         if not there and not ours.participants and not ours.is_dds:
-            return ProbeResult((_nobody(gateway.name, dds, near),), evidence)
+            return base.ProbeResult((_nobody(gateway.name, dds, near),), evidence)
         wrong = tuple(_judge_ports(gateway.name, dds, ours))
         is_unreachable = any(item.code == "without-profile" and item.verdict is Verdict.FAIL for item in wrong)
         reach_findings = () if is_unreachable else (self._judge_reachability(gateway.name, there, ours),)
         fine = tuple(finding for finding in reach_findings if not wrong or finding.verdict is not Verdict.PASS)
-        return ProbeResult((*wrong, *fine), evidence)
+        return base.ProbeResult((*wrong, *fine), evidence)
 
     def _judge_reachability(self, name: str, there: Sequence[_Participant], bound: _BoundPorts) -> BearerFinding:
         address, domain = self._address, self._dds.domain
@@ -206,7 +189,7 @@ class _SeenParticipant:
                 f"no DDS participant answers at {address} of {name} in domain {domain}, though its ports are bound"
             )
             hint = f"on {name}: `sudo ss -ulpn` tells who has UDP port {bound.ports}; start the data gateway anew"
-            return unknown("nobody-answers", message, hint)
+            return parse.unknown("nobody-answers", message, hint)
         reachable_participants = [participant for participant in there if address in participant.addresses]
         if not reachable_participants:
             message = (
@@ -214,27 +197,29 @@ class _SeenParticipant:
                 f"and others look for it at {address}"
             )
             hint = "source the site's ros.env before starting it: ROS_LOCALHOST_ONLY or another profile binds it there"
-            return unknown("not-reachable", message, hint)
+            return parse.unknown("not-reachable", message, hint)
         where = f"at {address}, in domain {domain}"
         if len(reachable_participants) == 1:
-            return good("answers", f"1 DDS participant on {name} answers {where}")
-        return good("answers", f"{len(reachable_participants)} DDS participants on {name} answer {where}")
+            return parse.good("answers", f"1 DDS participant on {name} answers {where}")
+        return parse.good("answers", f"{len(reachable_participants)} DDS participants on {name} answer {where}")
 
 
 def _list_addresses(there: Sequence[_Participant]) -> str:
     """Where they say that they are reached."""
-    return join_words(sorted({address for participant in there for address in participant.addresses})) or "none"
+    return parse.join_words(sorted({address for participant in there for address in participant.addresses})) or "none"
 
 
-def _read_participants(answer: Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
+def _read_participants(answer: base.Answer, name: str, address: str) -> tuple[_Participant, ...] | BearerFinding:
     """Who has announced itself to the question, and has spoken to the one that asked and to nobody else."""
-    if not isinstance(answer, DdsDiscoverResult):
-        return unreadable(name, "its DDS participants")
-    if answer.trouble is Trouble.UNREACHABLE:
+    if not isinstance(answer, base.DdsDiscoverResult):
+        return parse.unreadable(name, "its DDS participants")
+    if answer.trouble is base.Trouble.UNREACHABLE:
         message = f"{name} does not have the address {address}, at which others look for its DDS"
-        return unknown("no-such-address", message, f"bring its network or its tunnel up first: `ip -br addr` on {name}")
+        return parse.unknown(
+            "no-such-address", message, f"bring its network or its tunnel up first: `ip -br addr` on {name}"
+        )
     if answer.trouble is not None:
-        return silent(name, answer.trouble, answer.words)
+        return parse.silent(name, answer.trouble, answer.words)
     participants: dict[bytes, _Participant] = {}
     spoke: set[bytes] = set()
     for _, datagram in answer.datagrams:
@@ -308,13 +293,15 @@ def _read_sockets(text: str) -> Iterator[_BoundPorts]:
 def _nobody(name: str, dds: Dds, near: Sequence[_BoundPorts]) -> BearerFinding:
     if near:
         message = (
-            f"DDS on {name} runs in domain {join_words(str(item.domain) for item in near)}, "
+            f"DDS on {name} runs in domain {parse.join_words(str(item.domain) for item in near)}, "
             f"and {dds.domain} is declared"
         )
-        return fail("other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting")
+        return parse.fail(
+            "other-domain", message, "set ROS_DOMAIN_ID as declared: source the site's ros.env before starting"
+        )
     hint = f"start the data gateway or any ROS 2 node on {name}, then repeat the check"
     message = f"nobody speaks DDS on {name} in domain {dds.domain}, so nothing is announced"
-    return unknown("nobody-announces", message, hint)
+    return parse.unknown("nobody-announces", message, hint)
 
 
 def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
@@ -325,11 +312,13 @@ def _judge_ports(name: str, dds: Dds, bound_ports: _BoundPorts) -> Iterator[Bear
         message = (
             f"{len(late)} of the {len(ours)} DDS participants on {name} are beyond the declared {dds.participants}"
         )
-        yield warn("too-many-participants", message, "no peer finds those: stop some, or declare more `participants`")
+        yield parse.warn(
+            "too-many-participants", message, "no peer finds those: stop some, or declare more `participants`"
+        )
     drop_count = sum(our.drops for our in ours)
     if drop_count:
         message = f"{name} has dropped {drop_count} announcements of DDS that no program took in time"
-        yield warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
+        yield parse.warn("announcements-dropped", message, f"look at the load of {name}; a robot may be found late")
 
 
 def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
@@ -338,7 +327,7 @@ def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
         message = (
             f"DDS on {name} runs in domain {bound_ports.domain} without the site's profile: no other site finds it"
         )
-        yield fail("without-profile", message, hint)
+        yield parse.fail("without-profile", message, hint)
     elif bound_ports.strangers:
         message = (
             f"1 DDS participant on {name} runs without the site's profile: other sites may not find it, or lose it"
@@ -346,4 +335,4 @@ def _profile(name: str, bound_ports: _BoundPorts) -> Iterator[BearerFinding]:
             else f"{bound_ports.strangers} DDS participants on {name} run without the site's profile:"
             " other sites may not find them, or lose them"
         )
-        yield warn("without-profile", message, hint)
+        yield parse.warn("without-profile", message, hint)

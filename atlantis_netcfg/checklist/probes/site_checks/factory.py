@@ -6,22 +6,8 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    ask,
-    fail,
-    good,
-    join_words,
-    measured_evidence,
-    neighbours,
-    read,
-    rows,
-    run,
-    step,
-    unreadable,
-    warn,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, RouterOsQuery, Step
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
 
@@ -40,32 +26,34 @@ _NAME = "MikroTik"
 """What `/system/identity` of a RouterOS device says until somebody names it."""
 
 
-def factory_defaults_check(site: OwnSite) -> Step:
+def factory_defaults_check(site: parse.OwnSite) -> base.Step:
     """Who has answered for such an address, and who answers one question by ARP, which stays on the LAN's segment."""
-    return step("factory-defaults", "Nobody is left on factory settings", _Factory(site), site.hosts)
+    return parse.step("factory-defaults", "Nobody is left on factory settings", _Factory(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _Factory:
     """Nobody is left on factory settings."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         arp = ("address", "mac-address", "interface", "complete", "disabled", "invalid")
         return (
-            *ask("arp", self.site, "/ip/arp", *arp),
-            *ask("names", self.site, "/ip/neighbor", "address", "mac-address", "identity", "interface", "platform"),
-            *run("neighbours", self.site, "ip -j neigh show"),
+            *parse.ask("arp", self.site, "/ip/arp", *arp),
+            *parse.ask(
+                "names", self.site, "/ip/neighbor", "address", "mac-address", "identity", "interface", "platform"
+            ),
+            *parse.run("neighbours", self.site, "ip -j neigh show"),
             *(self._ping(address) for address in self._addresses),
         )
 
-    def _ping(self, address: str) -> RouterOsQuery:
+    def _ping(self, address: str) -> base.RouterOsQuery:
         """ARP needs no route: it finds who sits on the LAN with an address of another network, and disturbs nobody."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         assert self.site.view is not None  # noqa: S101 - the same
         words = (("address", address), ("arp-ping", "yes"), ("interface", self.site.view.bridge), ("count", "2"))
-        return RouterOsQuery(f"ping {address}", self.site.router.name, Query("/tool", "ping", words))
+        return base.RouterOsQuery(f"ping {address}", self.site.router.name, Query("/tool", "ping", words))
 
     @property
     def _addresses(self) -> tuple[str, ...]:
@@ -74,13 +62,13 @@ class _Factory:
         networks = [site.lan.network, site.management.network, *(bearer.network for bearer in site.bearers)]
         return tuple(item for item in FACTORY if not any(IPv4Address(item) in network for network in networks))
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         router = self.site.router.name
-        result = [neighbours(results["arp"], router)]
+        result = [parse.neighbours(results["arp"], router)]
         if self.site.gateway is not None:
-            result.append(neighbours(results["neighbours"], self.site.gateway.name))
-        names = rows(results["names"], router, "its neighbours", "mac-address")
+            result.append(parse.neighbours(results["neighbours"], self.site.gateway.name))
+        names = parse.rows(results["names"], router, "its neighbours", "mac-address")
         neighbour_places = {
             (neighbour.address, neighbour.mac): neighbour.interface
             for part in result
@@ -88,7 +76,7 @@ class _Factory:
             for neighbour in part
         }
         pings = {
-            address: rows(results[f"ping {address}"], router, "who answers its ARP questions", "sent")
+            address: parse.rows(results[f"ping {address}"], router, "who answers its ARP questions", "sent")
             for address in self._addresses
         }
         answering_addresses = [
@@ -101,22 +89,22 @@ class _Factory:
             *_check_names(self.site.name, () if isinstance(names, BearerFinding) else names),
         ]
         ping_problems = (
-            [] if all(map(_was_sent, pings.values())) else [unreadable(router, "who answers its ARP questions")]
+            [] if all(map(_was_sent, pings.values())) else [parse.unreadable(router, "who answers its ARP questions")]
         )
         silence = [
             part for part in (*result, names, *pings.values(), *ping_problems) if isinstance(part, BearerFinding)
         ]
         evidence = (
-            *(measured_evidence(f"{item}, asked by ARP", "answers") for item in answering_addresses),
+            *(parse.measured_evidence(f"{item}, asked by ARP", "answers") for item in answering_addresses),
             *(
-                read(f"{address} on {place}", mac)
+                parse.read(f"{address} on {place}", mac)
                 for (address, mac), place in neighbour_places.items()
                 if address in FACTORY
             ),
         )
-        told_of = f"nobody in the LAN answers at {join_words(self._addresses)}"
-        return ProbeResult(
-            tuple(dict.fromkeys((*wrong, *silence))) or (good("nobody-on-factory-settings", told_of),), evidence
+        told_of = f"nobody in the LAN answers at {parse.join_words(self._addresses)}"
+        return base.ProbeResult(
+            tuple(dict.fromkeys((*wrong, *silence))) or (parse.good("nobody-on-factory-settings", told_of),), evidence
         )
 
     def _at_addresses(
@@ -128,7 +116,7 @@ class _Factory:
                 continue
             who = f"{there[0]} on {there[1]}" if there else "somebody in the LAN"
             message = f"{who} answers at {address}, {FACTORY[address]}"
-            yield fail("factory-address", message, "give that device its declared address, or unplug it")
+            yield parse.fail("factory-address", message, "give that device its declared address, or unplug it")
 
 
 def _has_answers(result: Sequence[Mapping[str, str]]) -> bool:
@@ -145,7 +133,7 @@ def _check_names(site: str, names: tuple[Mapping[str, str], ...]) -> Iterator[Be
         if row.get("identity") == _NAME:
             where = row.get("address") or row.get("mac-address", "?")
             message = f"the RouterOS device {where} on {row.get('interface', '?')} still has its factory name"
-            yield warn(
+            yield parse.warn(
                 "factory-name",
                 message,
                 f"`provision adopt site={site} device=NAME` gives a new device its name, user and certificate",

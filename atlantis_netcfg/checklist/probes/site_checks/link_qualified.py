@@ -10,24 +10,8 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    fail,
-    good,
-    join_words,
-    measured_evidence,
-    read,
-    step,
-    unknown,
-)
-from atlantis_netcfg.checklist.probes.step import (
-    Answer,
-    LinkRecordRequest,
-    LinkRecordResult,
-    ProbeResult,
-    Question,
-    Step,
-)
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.qualify.session import EndReason
@@ -45,12 +29,12 @@ _AHEAD = timedelta(minutes=5)
 """Clocks of two computers may differ by so much."""
 
 
-def link_qualified_checks(site: OwnSite) -> tuple[Step, ...]:
+def link_qualified_checks(site: parse.OwnSite) -> tuple[base.Step, ...]:
     """One step for each link, where the pilot declares who answers measurements; else none."""
     if site.declaration.pilot.qualify is None:
         return ()
     return tuple(
-        step(
+        parse.step(
             f"{NAME}-{bearer.name}",
             f"Link {bearer.name} was measured, and carries what it has to",
             _LinkQualificationCheck(site, bearer),
@@ -64,32 +48,32 @@ def link_qualified_checks(site: OwnSite) -> tuple[Step, ...]:
 class _LinkQualificationCheck:
     """The link was measured not long ago, and carries what it has to."""
 
-    site: OwnSite
+    site: parse.OwnSite
     bearer: Bearer
 
-    def asks(self) -> tuple[Question, ...]:
-        return (LinkRecordRequest("record", self.site.name, self.bearer.name),)
+    def asks(self) -> tuple[base.Question, ...]:
+        return (base.LinkRecordRequest("record", self.site.name, self.bearer.name),)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         answer = results["record"]
-        if not isinstance(answer, LinkRecordResult) or answer.trouble is not None or answer.now is None:
-            why = f": {answer.words}" if isinstance(answer, LinkRecordResult) and answer.words else ""
+        if not isinstance(answer, base.LinkRecordResult) or answer.trouble is not None or answer.now is None:
+            why = f": {answer.words}" if isinstance(answer, base.LinkRecordResult) and answer.words else ""
             hint = f"look at `provision qualify history site={self.site.name} link={self.bearer.name}`"
-            return ProbeResult(
-                (unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
+            return base.ProbeResult(
+                (parse.unknown("not-readable", f"the measurements of {self.bearer.name} cannot be read{why}", hint),)
             )
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         record = answer.record
         if record is None:
             message = f"{self.bearer.name} was never measured by this computer"
-            return ProbeResult((unknown("never-measured", message, again),))
+            return base.ProbeResult((parse.unknown("never-measured", message, again),))
         if record.run.emulated and not answer.is_rehearsal:
             message = f"the measurement of {self.bearer.name} was of an emulated link"
-            return ProbeResult((unknown("emulated", message, again),))
+            return base.ProbeResult((parse.unknown("emulated", message, again),))
         wrong = (*self._wrong(record, answer.now, is_rehearsal=answer.is_rehearsal),)
         if answer.is_rehearsal:  # the record is made up: it shows what a fault looks like, and is evidence of nothing
-            return ProbeResult(wrong or (self._not_measured(),))
-        return ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
+            return base.ProbeResult(wrong or (self._not_measured(),))
+        return base.ProbeResult(wrong or (self._fine(record, answer.now),), tuple(_evidence(record)))
 
     def _wrong(self, record: QualifyRecord, now: datetime, *, is_rehearsal: bool) -> Iterator[BearerFinding]:
         """Everything that keeps it from passing, what failed first. What a rehearsal makes up is kept nowhere."""
@@ -99,24 +83,26 @@ class _LinkQualificationCheck:
         open_ = [item.criterion for item in record.judgements if item.verdict not in {Verdict.FAIL, Verdict.PASS}]
         why = f": {run.way_reason}" if run.way_reason else ""
         if failed_criteria:
-            message = f"{name} does not hold `{record.thresholds_name}`: {join_words(failed_criteria)}"
+            message = f"{name} does not hold `{record.thresholds_name}`: {parse.join_words(failed_criteria)}"
             show_hint = f"`provision qualify show site={self.site.name} run={run.id}` shows all of it"
-            yield fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
+            yield parse.fail("beyond-the-limit", message, again if is_rehearsal else show_hint)
         if run.way is Verdict.FAIL:
-            yield fail("other-link", f"the measurement of {name} left by another link{why}", again)
+            yield parse.fail("other-link", f"the measurement of {name} left by another link{why}", again)
         elif run.way is not Verdict.PASS:
-            yield unknown("way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again)
+            yield parse.unknown(
+                "way-not-proved", f"that the measurement of {name} left by it is not proved{why}", again
+            )
         if not run.far_end.authenticated:
             message = f"{run.far_end.name}, which answered the measurement of {name}, is no far end of ours"
-            yield unknown("other-far-end", message, again)
+            yield parse.unknown("other-far-end", message, again)
         if run.reason != EndReason.DONE:
-            yield unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
+            yield parse.unknown("cut-short", f"the measurement of {name} did not go to its end: {run.reason}", again)
         if open_ or not record.judgements:
-            what = join_words(open_) or "it has no round trips without load"
-            yield unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
+            what = parse.join_words(open_) or "it has no round trips without load"
+            yield parse.unknown("not-proved", f"the measurement of {name} leaves open: {what}", again)
         if run.kind != self.bearer.kind.value:
             kinds = f"it was of kind {run.kind}, and is of kind {self.bearer.kind.value} now"
-            yield unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
+            yield parse.unknown("other-kind", f"{name} has changed since it was measured: {kinds}", again)
         yield from self._aged(run.begun, now)
 
     def _aged(self, start: datetime, now: datetime) -> Iterator[BearerFinding]:
@@ -124,11 +110,11 @@ class _LinkQualificationCheck:
         again = f"`provision qualify site={self.site.name} link={self.bearer.name}` measures it"
         if start > now + _AHEAD:
             message = f"the measurement of {self.bearer.name} is of the future: {start:%Y-%m-%d %H:%M} UTC"
-            yield unknown("of-the-future", message, "look at this computer's clock, then measure again")
+            yield parse.unknown("of-the-future", message, "look at this computer's clock, then measure again")
         elif now - start > timedelta(days=days):
             age = (now - start).days
             old = f"the last measurement of {self.bearer.name} is {age} days old, and {days} are allowed"
-            yield unknown("stale", old, again)
+            yield parse.unknown("stale", old, again)
 
     def _not_measured(self) -> BearerFinding:
         message = f"{self.bearer.name} was not measured: a rehearsed checklist measures no link"
@@ -138,13 +124,13 @@ class _LinkQualificationCheck:
         count, age = len(record.judgements), (now - record.run.begun).days
         since = "today" if age < 1 else "yesterday" if age == 1 else f"{age} days ago"
         message = f"{self.bearer.name} holds all {count} criteria of `{record.thresholds_name}`, measured {since}"
-        return good("qualified", message)
+        return parse.good("qualified", message)
 
 
 def _evidence(record: QualifyRecord) -> Iterator[Evidence]:
     run = record.run
-    yield read("measurement", f"{run.id}, begun {run.begun:%Y-%m-%d %H:%M} UTC")
-    yield read("SHA-256 of its samples", record.samples_sha256)
+    yield parse.read("measurement", f"{run.id}, begun {run.begun:%Y-%m-%d %H:%M} UTC")
+    yield parse.read("SHA-256 of its samples", record.samples_sha256)
     for item in record.judgements:
         value = "not known" if item.measured is None else f"{item.measured:.4g} {item.unit}".rstrip()
-        yield measured_evidence(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")
+        yield parse.measured_evidence(item.criterion, f"{value}, limit {item.limit:g}: {item.verdict.value}")

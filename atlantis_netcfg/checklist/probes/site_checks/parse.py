@@ -10,27 +10,10 @@ from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Interface
 from typing import TYPE_CHECKING, Any, cast
 
-from atlantis_netcfg.checklist.probes.step import (
-    Answer,
-    Cell,
-    CommandResult,
-    DhcpOffer,
-    DhcpOffers,
-    LinkStatusRequest,
-    LinkStatusResult,
-    Place,
-    Probe,
-    RouterAdvertisement,
-    RouterAdvertisements,
-    RouterOsQuery,
-    Rows,
-    RunProgram,
-    Step,
-    Trouble,
-)
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
+from atlantis_netcfg.checklist import report
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.core.events import Verdict
-from atlantis_netcfg.inventory.model import AddressBy, ControlCentre, Router, ServerComputer, Site
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
 from atlantis_netcfg.routeros.render import RouterView, router_view
@@ -39,7 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import Bearer
 
 
 def good(code: str, message: str) -> BearerFinding:
@@ -62,35 +44,35 @@ def unknown(code: str, message: str, hint: str) -> BearerFinding:
     return BearerFinding(Verdict.INCONCLUSIVE, code, message, hint)
 
 
-def silent(who: str, trouble: Trouble, words: str) -> BearerFinding:
+def silent(who: str, trouble: base.Trouble, words: str) -> BearerFinding:
     """Somebody was asked and gave no whole answer: nothing is known of it."""
-    code, message, hint = _SILENT.get(trouble, _SILENT[Trouble.SILENT])
+    code, message, hint = _SILENT.get(trouble, _SILENT[base.Trouble.SILENT])
     text = f": {words}" if words else ""
     return unknown(code, message.format(who=who) + text, hint.format(who=who))
 
 
 _SILENT = {
-    Trouble.NO_PLACE: (
+    base.Trouble.NO_PLACE: (
         "not-reached",
         "{who} was not reached, so that nobody could look",
         "is {who} switched on, and is this computer in the network by which it is managed?",
     ),
-    Trouble.SILENT: (
+    base.Trouble.SILENT: (
         "no-answer",
         "{who} did not answer in time",
         "repeat the check; if it stays so, restart {who}",
     ),
-    Trouble.DENIED: (
+    base.Trouble.DENIED: (
         "denied",
         "{who} does not let us look",
         "log in to {who} as root, or as an account that may use sudo without a password",
     ),
-    Trouble.MISSING: (
+    base.Trouble.MISSING: (
         "no-program",
         "{who} lacks what it takes to look",
         "run the site once, which installs what a gateway computer needs",
     ),
-    Trouble.BUSY: (
+    base.Trouble.BUSY: (
         "in-use",
         "another program of {who} holds what it takes to look",
         "end the other program, or repeat the check in a minute",
@@ -107,19 +89,19 @@ def unreadable(who: str, what: str) -> BearerFinding:
     )
 
 
-def read(what: str, value: str) -> Evidence:
+def read(what: str, value: str) -> report.Evidence:
     """From the device, in its own words."""
-    return Evidence(type=EvidenceType.READ, what=what, value=value)
+    return report.Evidence(type=report.EvidenceType.READ, what=what, value=value)
 
 
-def measured_evidence(what: str, value: str) -> Evidence:
+def measured_evidence(what: str, value: str) -> report.Evidence:
     """By this tool."""
-    return Evidence(type=EvidenceType.MEASURED, what=what, value=value)
+    return report.Evidence(type=report.EvidenceType.MEASURED, what=what, value=value)
 
 
-def declared_evidence(what: str, value: str) -> Evidence:
+def declared_evidence(what: str, value: str) -> report.Evidence:
     """In the inventory."""
-    return Evidence(type=EvidenceType.DECLARED, what=what, value=value)
+    return report.Evidence(type=report.EvidenceType.DECLARED, what=what, value=value)
 
 
 def join_words(words: Iterable[str]) -> str:
@@ -175,9 +157,9 @@ def is_address(text: str) -> bool:
     return True
 
 
-def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | BearerFinding:
+def rows(answer: base.Answer, who: str, what: str, key: str) -> tuple[Mapping[str, str], ...] | BearerFinding:
     """Rows of a RouterOS menu; rows none of which has its `key` are not of that menu."""
-    if not isinstance(answer, Rows):
+    if not isinstance(answer, base.Rows):
         return unreadable(who, what)
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -190,9 +172,9 @@ def rows(answer: Answer, who: str, what: str, key: str) -> tuple[Mapping[str, st
     return answer.rows
 
 
-def get_output(answer: Answer, who: str) -> str | BearerFinding:
+def get_output(answer: base.Answer, who: str) -> str | BearerFinding:
     """What a program printed that has ended well."""
-    if not isinstance(answer, CommandResult):
+    if not isinstance(answer, base.CommandResult):
         return unreadable(who, "itself")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -202,7 +184,7 @@ def get_output(answer: Answer, who: str) -> str | BearerFinding:
     return answer.out
 
 
-def parse_json_list(answer: Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
+def parse_json_list(answer: base.Answer, who: str, what: str) -> list[dict[str, Any]] | BearerFinding:
     """Read the JSON of iproute2: a list of objects."""
     text = get_output(answer, who)
     if isinstance(text, BearerFinding):
@@ -216,10 +198,10 @@ def parse_json_list(answer: Answer, who: str, what: str) -> list[dict[str, Any]]
     return result
 
 
-def addresses(answer: Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
+def addresses(answer: base.Answer, who: str) -> tuple[InterfaceAddress, ...] | BearerFinding:
     """Addresses of a computer (`ip -j addr show`), or of a router (`/ip/address`); whoever answers has one at least."""
     result: Iterable[Mapping[str, Any]] | BearerFinding
-    if isinstance(answer, Rows):
+    if isinstance(answer, base.Rows):
         result = rows(answer, who, "its addresses", "address")
         current = () if isinstance(result, BearerFinding) else tuple(_of_router(result))
     else:
@@ -267,9 +249,9 @@ def _interface(text: str | None) -> IPv4Interface | None:
         return None
 
 
-def neighbours(answer: Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
+def neighbours(answer: base.Answer, who: str) -> tuple[Neighbour, ...] | BearerFinding:
     """Who has answered: of a computer `ip -j neigh show`, of a router `/ip/arp`."""
-    if isinstance(answer, Rows):
+    if isinstance(answer, base.Rows):
         arp_rows = rows(answer, who, "its table of ARP", "address")
         return arp_rows if isinstance(arp_rows, BearerFinding) else tuple(_arp(arp_rows, who))
     result = parse_json_list(answer, who, "its neighbours")
@@ -297,27 +279,27 @@ def _neigh(result: list[dict[str, Any]], who: str) -> Iterable[Neighbour]:
             yield Neighbour(address, mac.lower(), str(row.get("dev", "?")), who, _STALE not in state)
 
 
-def offers(answer: Answer, who: str) -> tuple[DhcpOffer, ...] | BearerFinding:
+def offers(answer: base.Answer, who: str) -> tuple[base.DhcpOffer, ...] | BearerFinding:
     """Who hands out addresses."""
-    if not isinstance(answer, DhcpOffers):
+    if not isinstance(answer, base.DhcpOffers):
         return unreadable(who, "DHCP servers")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     return answer.offers
 
 
-def routers(answer: Answer, who: str) -> tuple[RouterAdvertisement, ...] | BearerFinding:
+def routers(answer: base.Answer, who: str) -> tuple[base.RouterAdvertisement, ...] | BearerFinding:
     """Who announces itself as an IPv6 router."""
-    if not isinstance(answer, RouterAdvertisements):
+    if not isinstance(answer, base.RouterAdvertisements):
         return unreadable(who, "IPv6 routers")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
     return answer.routers
 
 
-def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding:
+def bearer_status(answer: base.Answer, who: str) -> Mapping[str, Any] | BearerFinding:
     """How a bearer is."""
-    if not isinstance(answer, LinkStatusResult):
+    if not isinstance(answer, base.LinkStatusResult):
         return unreadable(who, "its links")
     if answer.trouble is not None:
         return silent(who, answer.trouble, answer.words)
@@ -326,11 +308,11 @@ def bearer_status(answer: Answer, who: str) -> Mapping[str, Any] | BearerFinding
     return answer.bearer
 
 
-def active_bearer(site: OwnSite, results: Mapping[str, Answer]) -> Bearer | None:
+def active_bearer(site: OwnSite, results: Mapping[str, base.Answer]) -> model.Bearer | None:
     """Which link carries the site's traffic, of several the least preferred; None: the router does not tell."""
     for bearer in reversed(site.site_config.bearers):
         answer = results.get(f"look {bearer.name}")
-        if isinstance(answer, LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
+        if isinstance(answer, base.LinkStatusResult) and answer.bearer is not None and answer.bearer.get("active"):
             return bearer
     return None
 
@@ -340,12 +322,12 @@ class ComputerReadings:
     """The gateway computer, or the control centre, as it is declared."""
 
     name: str
-    device: ServerComputer
+    device: model.ServerComputer
 
     @property
     def kind(self) -> str:
         """What it is, in the words of a title."""
-        return "control centre" if isinstance(self.device, ControlCentre) else "gateway computer"
+        return "control centre" if isinstance(self.device, model.ControlCentre) else "gateway computer"
 
     @property
     def interface(self) -> str:
@@ -358,7 +340,7 @@ class ComputerReadings:
     @property
     def is_leased(self) -> bool:
         """Whether a reservation of the LAN gives it its address."""
-        return self.device.image is not None and self.device.image.address_by is AddressBy.DHCP
+        return self.device.image is not None and self.device.image.address_by is model.AddressBy.DHCP
 
 
 @dataclass(frozen=True, slots=True)
@@ -367,17 +349,17 @@ class OwnSite:
 
     declaration: Declaration
     name: str
-    site_config: Site
+    site_config: model.Site
     router: Host | None
     view: RouterView | None
     """Of the router."""
     gateway: ComputerReadings | None
 
     @property
-    def device(self) -> Router:
+    def device(self) -> model.Router:
         """The router, where there is one."""
         assert self.router is not None  # noqa: S101 - steps are made for sites with a router
-        return cast("Router", self.router.device)
+        return cast("model.Router", self.router.device)
 
     @property
     def hosts(self) -> tuple[str, ...]:
@@ -385,7 +367,7 @@ class OwnSite:
         return tuple(item.name for item in (self.router, self.gateway) if item is not None)
 
 
-def own_site(cell: Cell) -> OwnSite:
+def own_site(cell: base.Cell) -> OwnSite:
     """Find router and gateway computer."""
     router, gateway = cell.router, cell.gateway
     return OwnSite(
@@ -394,52 +376,60 @@ def own_site(cell: Cell) -> OwnSite:
         site_config=cell.site_config,
         router=router,
         view=None if router is None else router_view(cell.declaration, router),
-        gateway=None if gateway is None else ComputerReadings(gateway.name, cast("ServerComputer", gateway.device)),
+        gateway=None
+        if gateway is None
+        else ComputerReadings(gateway.name, cast("model.ServerComputer", gateway.device)),
     )
 
 
-def step(name: str, title: str, probe: Probe | None, concerns: tuple[str, ...] = (), unless: str = "") -> Step:
+def step(
+    name: str, title: str, probe: base.Probe | None, concerns: tuple[str, ...] = (), unless: str = ""
+) -> base.Step:
     """Make the step of a check by the tool; `unless` says that there is nothing to check at this site."""
-    return Step(
+    return base.Step(
         name=name,
         title=title,
-        kind=ItemKind.AUTOMATIC,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.AUTOMATIC,
+        phase=report.Phase.BENCH,
         probe=None if unless else probe,
         unless=unless,
         concerns=concerns,
     )
 
 
-def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, ...]) -> Step:
+def by_hand(name: str, title: str, do: str, look_for: str, concerns: tuple[str, ...]) -> base.Step:
     """Make the step of a check that no program can make at this site: it applies, so a person looks."""
-    return Step(
+    return base.Step(
         name=name,
         title=title,
-        kind=ItemKind.PERSON,
-        phase=Phase.BENCH,
+        kind=report.ItemKind.PERSON,
+        phase=report.Phase.BENCH,
         do=do,
         look_for=look_for,
         concerns=concerns,
     )
 
 
-def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[RouterOsQuery, ...]:
+def ask(name: str, site: OwnSite, menu: str, *properties: str) -> tuple[base.RouterOsQuery, ...]:
     """Ask the router for rows of a menu; nothing where the site has none."""
     if site.router is None:
         return ()
-    return (RouterOsQuery(name, site.router.name, Query(menu, "print", proplist=properties)),)
+    return (base.RouterOsQuery(name, site.router.name, Query(menu, "print", proplist=properties)),)
 
 
-def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[RunProgram, ...]:
+def run(name: str, site: OwnSite, command: str, within_s: float = 20.0) -> tuple[base.RunProgram, ...]:
     """Run a program on the gateway computer; nothing where the site has none."""
-    return (RunProgram(name, Place.GATEWAY, tuple(command.split()), within_s),) if site.gateway is not None else ()
+    return (
+        (base.RunProgram(name, base.Place.GATEWAY, tuple(command.split()), within_s),)
+        if site.gateway is not None
+        else ()
+    )
 
 
-def bearer_requests(site: OwnSite) -> tuple[LinkStatusRequest, ...]:
+def bearer_requests(site: OwnSite) -> tuple[base.LinkStatusRequest, ...]:
     """How every bearer of the site is; `look` and its name are the question's."""
     return (
-        tuple(LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.site_config.bearers)
+        tuple(base.LinkStatusRequest(f"look {bearer.name}", bearer.name) for bearer in site.site_config.bearers)
         if site.router
         else ()
     )

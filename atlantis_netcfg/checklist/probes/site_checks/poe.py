@@ -6,18 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    fail,
-    good,
-    join_words,
-    read,
-    rows,
-    step,
-    unknown,
-    warn,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, RouterOsQuery, Step
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.inventory.model import PoeMode
 from atlantis_netcfg.links import BearerFinding
 from atlantis_netcfg.links.status import Query
@@ -40,20 +30,20 @@ _FAULTS: Mapping[str, str] = {
 """RouterOS' words that are faults (Manual, PoE-Out), and what they mean."""
 
 
-def poe_check(site: OwnSite) -> Step:
+def poe_check(site: parse.OwnSite) -> base.Step:
     """One look at all ports that feed."""
     ports = _ports(site)
     unless = "" if ports else "no port of the router is declared to feed power"
     fed = tuple(_fed(site).values())
-    return step("poe", "Boxes are fed by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
+    return parse.step("poe", "Boxes are fed by PoE", _PoeCheck(site), (*site.hosts[:1], *fed), unless)
 
 
-def _ports(site: OwnSite) -> tuple[str, ...]:
+def _ports(site: parse.OwnSite) -> tuple[str, ...]:
     feeding = (port for port in site.device.ports if port.poe is not None and port.poe.out is not PoeMode.OFF)
     return tuple(port.name for port in feeding)
 
 
-def _fed(site: OwnSite) -> dict[str, str]:
+def _fed(site: parse.OwnSite) -> dict[str, str]:
     """Port to the box that says it is fed by it."""
     result = {}
     for host in site.declaration.site_hosts(site.name):
@@ -67,31 +57,33 @@ def _fed(site: OwnSite) -> dict[str, str]:
 class _PoeCheck:
     """Boxes are fed by PoE."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         """Each port by itself: one that cannot feed would take the answer for all others along."""
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        names = RouterOsQuery(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
+        names = base.RouterOsQuery(_NAMES, name, Query("/interface/ethernet", "print", (), ("name", "default-name")))
         return (*(self._monitor(name, port) for port in _ports(self.site)), names)
 
     @staticmethod
-    def _monitor(host: str, port: str) -> RouterOsQuery:
-        return RouterOsQuery(port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", ""))))
+    def _monitor(host: str, port: str) -> base.RouterOsQuery:
+        return base.RouterOsQuery(
+            port, host, Query("/interface/ethernet/poe", "monitor", (("numbers", port), ("once", "")))
+        )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name, fed = self.site.router.name, _fed(self.site)
-        values = {port: rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
+        values = {port: parse.rows(results[port], name, "the power on its ports", "name") for port in _ports(self.site)}
         silence = [entry for entry in values.values() if isinstance(entry, BearerFinding)]
         if len(silence) == len(values):
-            return ProbeResult((_board(name, values) or silence[0],))
-        names = rows(results[_NAMES], name, "the names of its ports", "default-name")
+            return base.ProbeResult((_board(name, values) or silence[0],))
+        names = parse.rows(results[_NAMES], name, "the names of its ports", "default-name")
         if isinstance(names, BearerFinding):
-            return ProbeResult((names,))
+            return base.ProbeResult((names,))
         if rename_findings := tuple(_check_port_names(name, values, names)):
-            return ProbeResult(rename_findings)
+            return base.ProbeResult(rename_findings)
         ports = {port: row for port, port_rows in values.items() if (row := _row_of(port, port_rows)) is not None}
         modes = {item.name: item.poe.out for item in self.site.device.ports if item.poe is not None}
         wrong = [
@@ -99,14 +91,16 @@ class _PoeCheck:
             for port in values
             for finding in _judge_port(name, port, fed.get(port), ports.get(port), modes[port])
         ]
-        evidence = tuple(read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
-        return ProbeResult(tuple(wrong) or (self._fine(ports, fed),), evidence)
+        evidence = tuple(parse.read(f"PoE on {port} of {name}", _describe_power(row)) for port, row in ports.items())
+        return base.ProbeResult(tuple(wrong) or (self._fine(ports, fed),), evidence)
 
     def _fine(self, ports: Mapping[str, Mapping[str, str]], fed: Mapping[str, str]) -> BearerFinding:
         draws = [f"{box} ({_draw(ports[port])})" for port, box in fed.items() if port in ports]
         if not draws:
-            return good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
-        return good("powered", f"{join_words(draws)} {'draws' if len(draws) == 1 else 'draw'} power from the router")
+            return parse.good("no-fault", "no port that feeds has a fault; no box is declared to be fed by one")
+        return parse.good(
+            "powered", f"{parse.join_words(draws)} {'draws' if len(draws) == 1 else 'draw'} power from the router"
+        )
 
 
 def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[str, str]]) -> Iterator[BearerFinding]:
@@ -115,16 +109,18 @@ def _check_port_names(name: str, ports: Iterable[str], names: Iterable[Mapping[s
     for port in ports:
         if name_by_port.get(port, port) != port:
             message = f"{port} of {name} is called {name_by_port[port]} there, so that its power was not told"
-            yield fail("port-renamed", message, "run the site, which gives ports their names back")
+            yield parse.fail("port-renamed", message, "run the site, which gives ports their names back")
 
 
 def _board(name: str, values: Mapping[str, object]) -> BearerFinding | None:
     """A board without PoE knows neither the menu nor the ports."""
     if any(not isinstance(item, BearerFinding) or item.code != "refused" for item in values.values()):
         return None
-    message = f"{name} tells nothing of PoE: it seems to have none, though {join_words(values)} are declared to feed"
+    message = (
+        f"{name} tells nothing of PoE: it seems to have none, though {parse.join_words(values)} are declared to feed"
+    )
     hint = "compare `poe` of the router's ports with the box; on a board without PoE each box has its own supply"
-    return unknown("no-poe", message, hint)
+    return parse.unknown("no-poe", message, hint)
 
 
 def _row_of(port: str, result: tuple[Mapping[str, str], ...] | BearerFinding) -> Mapping[str, str] | None:
@@ -137,27 +133,33 @@ def _judge_port(
     where = f"{port} of {name}" + (f", which feeds {box}" if box else "")
     if row is None or "poe-out-status" not in row:
         hint = "compare `poe` of the router's ports with the box: not every port and not every router can feed"
-        yield unknown("port-untold", f"the router does not tell the power on {where}", hint)
+        yield parse.unknown("port-untold", f"the router does not tell the power on {where}", hint)
         return
     status = row["poe-out-status"]
     if status in _FAULTS:
-        yield fail("poe-fault", f"{where}, reports {status}", f"that is {_FAULTS[status]}")
+        yield parse.fail("poe-fault", f"{where}, reports {status}", f"that is {_FAULTS[status]}")
     elif box is None:
         return
     elif status in {"waiting-for-load", "waiting_for_load"}:
         message = f"nobody draws power on {where}: it waits for a load"
-        yield fail("nobody-draws", message, f"is {box} plugged in at {port}, with a cable that has all eight wires?")
+        yield parse.fail(
+            "nobody-draws", message, f"is {box} plugged in at {port}, with a cable that has all eight wires?"
+        )
     elif status in {"off", "disabled"}:
-        yield fail(
+        yield parse.fail(
             "poe-off", f"the power on {where}, is switched off", "run the site, which switches it on as declared"
         )
     elif status not in {"powered-on", "powered_on"}:
-        yield unknown("status-unknown", f"{where}, reports `{status}`", "look up that word in the manual of the router")
+        yield parse.unknown(
+            "status-unknown", f"{where}, reports `{status}`", "look up that word in the manual of the router"
+        )
     elif _value(row, "poe-out-current") == 0 or _value(row, "poe-out-power") == 0:
-        yield warn("draws-nothing", f"{where}, is powered and draws nothing", f"is {box} fed from elsewhere as well?")
+        yield parse.warn(
+            "draws-nothing", f"{where}, is powered and draws nothing", f"is {box} fed from elsewhere as well?"
+        )
     elif mode is PoeMode.FORCED_ON and _value(row, "poe-out-current") is None and _value(row, "poe-out-power") is None:
         message = f"{where}, is powered whether or not anybody is there, and the router does not tell what it draws"
-        yield unknown("draw-untold", message, f"look at the lamps of {box}, or set the port to `auto-on`")
+        yield parse.unknown("draw-untold", message, f"look at the lamps of {box}, or set the port to `auto-on`")
 
 
 def _value(row: Mapping[str, str], name: str) -> float | None:

@@ -11,27 +11,9 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    ask,
-    bearer_requests,
-    bearer_status,
-    declared_evidence,
-    fail,
-    good,
-    join_words,
-    parse_json_list,
-    read,
-    rows,
-    run,
-    step,
-    unknown,
-    warn,
-    yes,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, ProbeResult, Question, Step
-from atlantis_netcfg.links import BearerFinding, LinkState
-from atlantis_netcfg.links.policy import ROUTE_PROPERTIES, BearerRoute, active_bearer, active_bearers
+from atlantis_netcfg.checklist.probes import base
+from atlantis_netcfg.checklist.probes.site_checks import parse
+from atlantis_netcfg.links import BearerFinding, LinkState, policy
 from atlantis_netcfg.operations.links.status import IN_USE
 from atlantis_netcfg.routeros.menus import MENUS
 
@@ -47,59 +29,62 @@ _BROAD = 8
 """Shorter prefixes are no network of anybody's."""
 
 
-def default_route_check(site: OwnSite) -> Step:
+def default_route_check(site: parse.OwnSite) -> base.Step:
     """The router's routes beside the state of the bearers, and the gateway computer's own default route."""
-    return step("default-route", "Traffic leaves by the bearer that is meant", _DefaultRoute(site), site.hosts)
+    return parse.step("default-route", "Traffic leaves by the bearer that is meant", _DefaultRoute(site), site.hosts)
 
 
 @dataclass(frozen=True, slots=True)
 class _DefaultRoute:
     """Traffic leaves by the bearer that is meant."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         return (
-            *ask("routes", self.site, "/ip/route", *ROUTE_PROPERTIES),
-            *bearer_requests(self.site),
-            *run("gateway", self.site, "ip -j route show"),
+            *parse.ask("routes", self.site, "/ip/route", *policy.ROUTE_PROPERTIES),
+            *parse.bearer_requests(self.site),
+            *parse.run("gateway", self.site, "ip -j route show"),
         )
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
         name = self.site.router.name
-        result = rows(results["routes"], name, "its routes", "dst-address")
+        result = parse.rows(results["routes"], name, "its routes", "dst-address")
         local = self._of_gateway(results)
         if isinstance(result, BearerFinding):
-            return ProbeResult((result, *local))
+            return base.ProbeResult((result, *local))
         routes = [row for row in result if row.get("dst-address") == _DEFAULT]
         findings = tuple(_broad(result)) or tuple(self._of_router(routes, results))
-        evidence = tuple(read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
-        return ProbeResult((*findings, *local), evidence)
+        evidence = tuple(parse.read(f"default route of {name}", _route_text(row)) for row in routes if _in_force(row))
+        return base.ProbeResult((*findings, *local), evidence)
 
     @property
-    def _ways(self) -> tuple[BearerRoute, ...]:
+    def _ways(self) -> tuple[policy.BearerRoute, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return tuple(
-            BearerRoute(up.name, up.gateway, up.address, up.canaries, up.port, up.kind) for up in self.site.view.uplinks
+            policy.BearerRoute(up.name, up.gateway, up.address, up.canaries, up.port, up.kind)
+            for up in self.site.view.uplinks
         )
 
-    def _of_router(self, routes: Sequence[Mapping[str, str]], results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
-        active = active_bearers(routes, self._ways)
+    def _of_router(
+        self, routes: Sequence[Mapping[str, str]], results: Mapping[str, base.Answer]
+    ) -> Iterator[BearerFinding]:
+        active = policy.active_bearers(routes, self._ways)
         if not active:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         elif len(active) > 1:
             hint = "look at `/ip/route print` of the router for a default route that `provision` did not write"
-            yield fail("two-ways", f"the site's traffic is split between {join_words(active)}", hint)
-        elif active_bearer(routes, self._ways) is None:
+            yield parse.fail("two-ways", f"the site's traffic is split between {parse.join_words(active)}", hint)
+        elif policy.active_bearer(routes, self._ways) is None:
             yield _nowhere(self.site.name, foreign=[row for row in routes if _in_force(row)])
         else:
             yield self._judge_active(active[0], results)
 
-    def _judge_active(self, active: str, results: Mapping[str, Answer]) -> BearerFinding:
+    def _judge_active(self, active: str, results: Mapping[str, base.Answer]) -> BearerFinding:
         bearers = self.site.site_config.bearers
         place = next(place for place, bearer in enumerate(bearers) if bearer.name == active)
-        better = {item.name: bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
+        better = {item.name: parse.bearer_status(results[f"look {item.name}"], item.name) for item in bearers[:place]}
         up = [
             name
             for name, status in better.items()
@@ -110,41 +95,45 @@ class _DefaultRoute:
         ]
         cost_note = ", which costs by the byte" if bearers[place].metered else ""
         if (use := _in_use(results[f"look {active}"], active)) is not None:
-            return warn("in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"])
+            return parse.warn(
+                "in-use-for-a-time", f"traffic leaves by {active}{cost_note}: {use['message']}", use["hint"]
+            )
         if up:
             return self._passed_by(active, cost_note, up)
         if unseen:
             message = (
-                f"traffic leaves by {active}{cost_note}; whether {join_words(unseen)}, which is better, works, "
+                f"traffic leaves by {active}{cost_note}; whether {parse.join_words(unseen)}, which is better, works, "
                 "is not known"
             )
-            return unknown(
+            return parse.unknown(
                 "better-unknown",
                 message,
                 f"look at `provision links site={self.site.name}` when the boxes answer again",
             )
-        why = f", because {join_words(better)} is not up" if better else ""
-        return good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
+        why = f", because {parse.join_words(better)} is not up" if better else ""
+        return parse.good("by-the-bearer-that-is-meant", f"traffic leaves by {active}{why}")
 
     def _passed_by(self, active: str, cost_note: str, up: list[str]) -> BearerFinding:
         message = f"traffic leaves by {active}{cost_note}, though {up[0]} is up and better"
         wait = self.site.site_config.failover.fail_back_s
         hint = f"a better link is taken back after {wait} s without a break: wait so long, then run the site"
-        return fail("metered-by-mistake", message, hint) if cost_note else warn("not-the-best", message, hint)
+        return (
+            parse.fail("metered-by-mistake", message, hint) if cost_note else parse.warn("not-the-best", message, hint)
+        )
 
-    def _of_gateway(self, results: Mapping[str, Answer]) -> tuple[BearerFinding, ...]:
+    def _of_gateway(self, results: Mapping[str, base.Answer]) -> tuple[BearerFinding, ...]:
         gateway = self.site.gateway
         if gateway is None:
             return ()
-        result = parse_json_list(results["gateway"], gateway.name, "its default route")
+        result = parse.parse_json_list(results["gateway"], gateway.name, "its default route")
         if isinstance(result, BearerFinding):
             return (result,)
         return tuple(_of_computer(gateway.name, str(self.site.site_config.lan.gateway), result))
 
 
-def _in_use(look: Answer, active: str) -> Mapping[str, str] | None:
+def _in_use(look: base.Answer, active: str) -> Mapping[str, str] | None:
     """What was found of a link that is in use for a time instead of the declared order."""
-    status = bearer_status(look, active)
+    status = parse.bearer_status(look, active)
     findings = () if isinstance(status, BearerFinding) else status.get("findings") or ()
     return next((finding for finding in findings if finding.get("code") == IN_USE), None)
 
@@ -154,11 +143,11 @@ def _nowhere(site: str, foreign: Sequence[Mapping[str, str]]) -> BearerFinding:
         message = (
             f"the default route of the router leads to {foreign[0].get('gateway', '?')}, which is no bearer of {site}"
         )
-        return fail(
+        return parse.fail(
             "foreign-route", message, "remove that route on the router, or run the site, which puts its own back"
         )
     hint = f"look at `provision links site={site}`: is any bearer up? then run the site, which puts its routes back"
-    return fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
+    return parse.fail("no-default-route", "the router has no default route in force: nothing leaves the site", hint)
 
 
 def _is_broad(text: str) -> bool:
@@ -173,7 +162,7 @@ def _broad(rows: Sequence[Mapping[str, str]]) -> Iterator[BearerFinding]:
     there = next((row for row in rows if _in_force(row) and _is_broad(row.get("dst-address", ""))), None)
     if there is not None:
         message = f"the router sends {there['dst-address']} to {there.get('gateway', '?')}, before its default route"
-        yield fail("broader-route", message, "remove that route on the router, then run the site")
+        yield parse.fail("broader-route", message, "remove that route on the router, then run the site")
 
 
 def _in_force(row: Mapping[str, str]) -> bool:
@@ -210,25 +199,25 @@ def _of_computer(name: str, router: str, routes: Sequence[Mapping[str, Any]]) ->
         message = (
             f"{name} sends {broad['dst']} to {broad.get('gateway', broad.get('dev', '?'))}, before its default route"
         )
-        yield fail("gateway-broader-route", message, hint)
+        yield parse.fail("gateway-broader-route", message, hint)
         return
     if not ways:
-        yield fail("gateway-no-route", f"{name} has no default route", hint)
+        yield parse.fail("gateway-no-route", f"{name} has no default route", hint)
         return
     via, first = ways[0].get("gateway", "nobody"), _metric(ways[0])
     others = [item.get("gateway", "nobody") for item in ways[1:] if item.get("gateway") != router]
     if via != router:
-        yield fail(
+        yield parse.fail(
             "gateway-wrong-route", f"the default route of {name} leads to {via}, not to the router {router}", hint
         )
     elif others and any(_metric(way) == first for way in ways[1:]):
-        yield fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
+        yield parse.fail("gateway-two-routes", f"{name} has two default routes, to {router} and to {others[0]}", hint)
     elif others:
-        yield warn(
+        yield parse.warn(
             "gateway-spare-route", f"{name} has a second default route, to {others[0]}, behind the right one", hint
         )
     else:
-        yield good("gateway-by-the-router", f"the default route of {name} leads to the router {router}")
+        yield parse.good("gateway-by-the-router", f"the default route of {name} leads to the router {router}")
 
 
 _TARGET = ("dst-address", "dst-port", "protocol", "dst-address-list")
@@ -243,7 +232,7 @@ _RULE = ("chain", "action", "disabled", "invalid", "jump-target", *_MATCHERS)
 _RUN = "run the site before anything else: every byte that slips through is paid"
 
 
-def satellite_filter_check(site: OwnSite) -> Step:
+def satellite_filter_check(site: parse.OwnSite) -> base.Step:
     """The rules of the router, and how many packets they have kept off."""
     satellites = site.view.satellites if site.view is not None else ()
     unless = "" if satellites else "the site has no satellite"
@@ -252,7 +241,7 @@ def satellite_filter_check(site: OwnSite) -> Step:
         for bearer in site.site_config.bearers
         if bearer.device and bearer.name in {up.name for up in satellites}
     )
-    return step(
+    return parse.step(
         "satellite-filter",
         "The satellite's allow-list stands in the router",
         _Filter(site),
@@ -265,47 +254,49 @@ def satellite_filter_check(site: OwnSite) -> Step:
 class _Filter:
     """The satellite's allow-list stands in the router."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
     @property
     def _satellites(self) -> tuple[Uplink, ...]:
         assert self.site.view is not None  # noqa: S101 - the check is made for sites with a router
         return self.site.view.satellites
 
-    def asks(self) -> tuple[Question, ...]:
+    def asks(self) -> tuple[base.Question, ...]:
         names = {satellite.name for satellite in self._satellites}
-        looks = (question for question in bearer_requests(self.site) if question.bearer in names)
-        return (*ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
+        looks = (question for question in parse.bearer_requests(self.site) if question.bearer in names)
+        return (*parse.ask("rules", self.site, "/ip/firewall/filter", *_RULE), *looks)
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         assert self.site.router is not None  # noqa: S101 - the check is made for sites with a router
-        result = rows(results["rules"], self.site.router.name, "its firewall", "chain")
+        result = parse.rows(results["rules"], self.site.router.name, "its firewall", "chain")
         if isinstance(result, BearerFinding):
-            return ProbeResult((result,))
-        rules = [row for row in result if not yes(row, "disabled") and not yes(row, "invalid")]
+            return base.ProbeResult((result,))
+        rules = [row for row in result if not parse.yes(row, "disabled") and not parse.yes(row, "invalid")]
         wrong = [finding for entry in self._satellites for finding in _judge_rules(entry, rules)]
         fine = [self._success_finding(item, results) for item in self._satellites]
         evidence = [
-            declared_evidence(
+            parse.declared_evidence(
                 f"allowed over {uplink.name}",
-                join_words(f"{target.name} ({_where(target)})" for target in uplink.targets),
+                parse.join_words(f"{target.name} ({_where(target)})" for target in uplink.targets),
             )
             for uplink in self._satellites
         ]
         evidence += [
-            read(f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules)))
+            parse.read(
+                f"rules of chain {satellite.chain}", str(sum(row.get("chain") == satellite.chain for row in rules))
+            )
             for satellite in self._satellites
         ]
-        return ProbeResult(tuple(wrong or fine), tuple(evidence))
+        return base.ProbeResult(tuple(wrong or fine), tuple(evidence))
 
-    def _success_finding(self, satellite: Uplink, results: Mapping[str, Answer]) -> BearerFinding:
+    def _success_finding(self, satellite: Uplink, results: Mapping[str, base.Answer]) -> BearerFinding:
         """Counters that cannot be read take nothing away: the rules were seen."""
-        values = bearer_status(results[f"look {satellite.name}"], satellite.name)
+        values = parse.bearer_status(results[f"look {satellite.name}"], satellite.name)
         quality = {} if isinstance(values, BearerFinding) else values.get("quality") or {}
         count = quality.get("kept_off_packets")
         count_note = f", and has kept off {count} packets so far" if isinstance(count, int) else ""
-        target_names = join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
-        return good(
+        target_names = parse.join_words(dict.fromkeys(target.name for target in satellite.targets)) or "nobody"
+        return parse.good(
             "stands", f"the allow-list of {satellite.name} lets through {target_names} and nothing else{count_note}"
         )
 
@@ -319,7 +310,7 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
         yield from _jump_findings(satellite, [row for row in rules if row.get("chain") == chain], chain)
     local = [row for row in rules if row.get("chain") == satellite.chain]
     if not local or local[-1].get("action") != "drop" or _narrow(local[-1]):
-        yield fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
+        yield parse.fail("not-dropped", f"chain {satellite.chain} does not end by dropping the rest", _RUN)
     expected_targets = {(item.address, str(item.port or ""), item.transport or "") for item in satellite.targets}
     letting = [row for row in local if row.get("action") not in _HOLDS]
     there = {_target(row) for row in letting}
@@ -327,10 +318,10 @@ def _judge_rules(satellite: Uplink, rules: Sequence[Mapping[str, str]]) -> Itera
     for target in sorted(there - expected_targets):
         message = f"the allow-list of {satellite.name} also lets through {_target_text(target)}"
         hint = "declare it under `allow:` if it is meant; else run the site, which takes it out"
-        yield fail("too-wide", message, hint)
+        yield parse.fail("too-wide", message, hint)
     for target in sorted(expected_targets - whole):
         message = f"the allow-list of {satellite.name} does not let through {_target_text(target)}"
-        yield fail("too-narrow", message, "run the site, which puts the declared rule back")
+        yield parse.fail("too-narrow", message, "run the site, which puts the declared rule back")
 
 
 def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain: str) -> Iterator[BearerFinding]:
@@ -338,10 +329,10 @@ def _jump_findings(satellite: Uplink, rules: Sequence[Mapping[str, str]], chain:
     place = next((place for place, row in enumerate(rules) if _jumps(row, satellite)), None)
     if place is None:
         message = f"what leaves over {satellite.name} is not asked: chain {chain} has no rule that leads to"
-        yield fail("not-asked", f"{message} {satellite.chain}", _RUN)
+        yield parse.fail("not-asked", f"{message} {satellite.chain}", _RUN)
     elif any(_accepts(row, satellite) for row in rules[:place]):
         message = f"a rule of chain {chain} accepts packets for {satellite.name} before its allow-list is asked"
-        yield fail("bypassed", message, _RUN)
+        yield parse.fail("bypassed", message, _RUN)
 
 
 def _accepts(row: Mapping[str, str], satellite: Uplink) -> bool:

@@ -5,28 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.checklist.probes import base
 from atlantis_netcfg.checklist.probes.ping import Echoes, odd_answers, read_ping
-from atlantis_netcfg.checklist.probes.site_checks.parse import (
-    OwnSite,
-    active_bearer,
-    addresses,
-    ask,
-    bearer_requests,
-    by_hand,
-    fail,
-    good,
-    measured_evidence,
-    read,
-    rows,
-    run,
-    silent,
-    step,
-    unknown,
-    unreadable,
-    warn,
-    yes,
-)
-from atlantis_netcfg.checklist.probes.step import Answer, CommandResult, ProbeResult, Question, Step
+from atlantis_netcfg.checklist.probes.site_checks import parse
 from atlantis_netcfg.inventory.model import SshHost
 from atlantis_netcfg.links import BearerFinding
 
@@ -41,13 +22,13 @@ _PINGS = 5
 _REVOKED_HINT = "`provision vpn status` tells whether its identity is known; look at its log for the server's reason"
 
 
-def vpn_check(site: OwnSite) -> Step:
+def vpn_check(site: parse.OwnSite) -> base.Step:
     """Both tunnels, and five pings of the server from the gateway computer."""
     router = site.router is not None and site.device.vpn_client is not None
     gateway = site.gateway is not None and site.gateway.device.vpn_address is not None
     title = "The VPN is up"
     if router or gateway:
-        return step("vpn", title, _VpnCheck(site), site.hosts)
+        return parse.step("vpn", title, _VpnCheck(site), site.hosts)
     members = {
         host.name: str(host.device.vpn_address)
         for host in site.declaration.site_hosts(site.name)
@@ -55,8 +36,10 @@ def vpn_check(site: OwnSite) -> Step:
     }
     if not members:
         do = f"No host of {site.name} is declared in the VPN: see by which way it reaches the other sites."
-        return by_hand("vpn", title, do, "Another site answers, and by no way that is open to everybody.", site.hosts)
-    return by_hand(
+        return parse.by_hand(
+            "vpn", title, do, "Another site answers, and by no way that is open to everybody.", site.hosts
+        )
+    return parse.by_hand(
         "vpn",
         title,
         f"On {' and '.join(members)}, look at the tunnel's address, and ping a member at another site through the"
@@ -70,7 +53,7 @@ def vpn_check(site: OwnSite) -> Step:
 class _VpnCheck:
     """The VPN is up."""
 
-    site: OwnSite
+    site: parse.OwnSite
 
     @property
     def _server(self) -> str | None:
@@ -83,134 +66,138 @@ class _VpnCheck:
     def _gateway_is_in(self) -> bool:
         return self.site.gateway is not None and self.site.gateway.device.vpn_address is not None
 
-    def asks(self) -> tuple[Question, ...]:
-        request: tuple[Question, ...] = ()
+    def asks(self) -> tuple[base.Question, ...]:
+        request: tuple[base.Question, ...] = ()
         if self.site.router is not None and self.site.device.vpn_client is not None:
-            request += ask("clients", self.site, "/interface/ovpn-client", "name", "running", "disabled")
-            request += ask(
+            request += parse.ask("clients", self.site, "/interface/ovpn-client", "name", "running", "disabled")
+            request += parse.ask(
                 "addresses", self.site, "/ip/address", "address", "interface", "disabled", "invalid", "dynamic"
             )
         if self._gateway_is_in:
-            request += run("gateway", self.site, "ip -j addr show")
+            request += parse.run("gateway", self.site, "ip -j addr show")
             if self._server is not None:
-                request += run(
+                request += parse.run(
                     "ping", self.site, f"ping -n -c {_PINGS} -i 1 -W 10 -I {TUNNEL} {self._server}", within_s=40.0
                 )
-        return (*request, *bearer_requests(self.site))
+        return (*request, *parse.bearer_requests(self.site))
 
-    def judge(self, results: Mapping[str, Answer]) -> ProbeResult:
+    def judge(self, results: Mapping[str, base.Answer]) -> base.ProbeResult:
         findings = list(self._of_router(results))
         if self._gateway_is_in:
             findings += self._of_gateway(results)
-        return ProbeResult(tuple(findings), tuple(self._evidence(results)))
+        return base.ProbeResult(tuple(findings), tuple(self._evidence(results)))
 
-    def _of_router(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
+    def _of_router(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
         if "clients" not in results or self.site.router is None or self.site.view is None:
             return
         name, client, tunnel = self.site.router.name, self.site.device.vpn_client, self.site.view.tunnel
         assert client is not None  # noqa: S101 - the question is asked for routers with one
         assert tunnel is not None  # noqa: S101 - the same
-        result = rows(results["clients"], name, "its tunnels", "name")
+        result = parse.rows(results["clients"], name, "its tunnels", "name")
         if isinstance(result, BearerFinding):
             yield result
             return
         row = next((row for row in result if row.get("name") == tunnel.interface), None)
         if row is None:
             hint = f"`provision vpn install host={name}`, and after it `provision site={self.site.name}`"
-            yield fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
-        elif yes(row, "disabled"):
-            yield fail(
+            yield parse.fail("router-no-tunnel", f"{name} has no tunnel {tunnel.interface}", hint)
+        elif parse.yes(row, "disabled"):
+            yield parse.fail(
                 "router-tunnel-off", f"{tunnel.interface} of {name} is switched off", "run the site to enable it"
             )
-        elif not yes(row, "running"):
-            yield fail(
+        elif not parse.yes(row, "running"):
+            yield parse.fail(
                 "router-tunnel-down", f"{tunnel.interface} of {name} is not connected to the VPN server", _REVOKED_HINT
             )
         else:
             yield self._address(name, tunnel.interface, str(client.address), results["addresses"])
 
-    def _address(self, name: str, interface: str, expected_address: str, answer: Answer) -> BearerFinding:
-        current = addresses(answer, name)
+    def _address(self, name: str, interface: str, expected_address: str, answer: base.Answer) -> BearerFinding:
+        current = parse.addresses(answer, name)
         if isinstance(current, BearerFinding):
             return current
         there = [str(item.address.ip) for item in current if item.interface == interface and not item.dead]
         return _compare_address("router", f"{interface} of {name}", expected_address, there)
 
-    def _of_gateway(self, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
+    def _of_gateway(self, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
         gateway = self.site.gateway
         assert gateway is not None  # noqa: S101 - the caller has looked
-        current = addresses(results["gateway"], gateway.name)
+        current = parse.addresses(results["gateway"], gateway.name)
         if isinstance(current, BearerFinding):
             yield current
             return
         there = [str(item.address.ip) for item in current if item.interface == TUNNEL]
         if not there:
             hint = f"on {gateway.name}: `systemctl status openvpn-client@atlantis`; its log says what the server said"
-            yield fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
+            yield parse.fail("gateway-no-tunnel", f"{gateway.name} has no tunnel: {TUNNEL} is not there", hint)
             return
         yield _compare_address("gateway", f"{TUNNEL} of {gateway.name}", str(gateway.device.vpn_address), there)
         if "ping" in results:
             yield from self._judge_ping(gateway.name, results)
         else:
             hint = "declare `vpn_address` of the VPN server, so that it can be asked"
-            yield unknown(
+            yield parse.unknown(
                 "server-not-asked", f"nobody knows at which address {gateway.name} would ask the server", hint
             )
 
-    def _judge_ping(self, name: str, results: Mapping[str, Answer]) -> Iterator[BearerFinding]:
+    def _judge_ping(self, name: str, results: Mapping[str, base.Answer]) -> Iterator[BearerFinding]:
         answer, server = results["ping"], self._server or ""
-        if isinstance(answer, CommandResult) and answer.trouble is not None:
-            yield silent(name, answer.trouble, answer.words)
+        if isinstance(answer, base.CommandResult) and answer.trouble is not None:
+            yield parse.silent(name, answer.trouble, answer.words)
             return
-        echoes = read_ping(answer.out, server) if isinstance(answer, CommandResult) else None
+        echoes = read_ping(answer.out, server) if isinstance(answer, base.CommandResult) else None
         if echoes is None or echoes.sent_count < _PINGS:
-            yield unreadable(name, "a ping")
+            yield parse.unreadable(name, "a ping")
             return
         strange = tuple(odd_answers(f"the VPN server {server}", echoes))
         yield from strange or (self._judge_echoes(echoes, server, results),)
 
-    def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, Answer]) -> BearerFinding:
+    def _judge_echoes(self, echoes: Echoes, server: str, results: Mapping[str, base.Answer]) -> BearerFinding:
         sent_count, received_count = echoes.sent_count, echoes.received_count
         if not received_count and self._over_satellite(results):
             message = (
                 f"the VPN server {server} answered none of {sent_count} pings, over a satellite that may pause for 70 s"
             )
-            return unknown("server-silent", message, "repeat the check; three silent rounds are more than a pause")
+            return parse.unknown(
+                "server-silent", message, "repeat the check; three silent rounds are more than a pause"
+            )
         if not received_count:
             hint = "is the VPN server running? `provision vpn status` asks it"
-            return fail(
+            return parse.fail(
                 "server-silent", f"the VPN server {server} answered none of {sent_count} pings through the tunnel", hint
             )
         took = "" if echoes.mean_ms is None else f", in {echoes.mean_ms:g} ms"
         text = f"the VPN server {server} answers {received_count} of {sent_count} pings through the tunnel{took}"
         return (
-            good("server-answers", text)
+            parse.good("server-answers", text)
             if received_count == sent_count
-            else warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
+            else parse.warn("server-lossy", text, f"look at `provision links site={self.site.name}`")
         )
 
-    def _over_satellite(self, results: Mapping[str, Answer]) -> bool:
-        bearer = active_bearer(self.site, results)
+    def _over_satellite(self, results: Mapping[str, base.Answer]) -> bool:
+        bearer = parse.active_bearer(self.site, results)
         return bearer is not None and bearer.kind.traits.allow_list
 
-    def _evidence(self, results: Mapping[str, Answer]) -> Iterator[Evidence]:
+    def _evidence(self, results: Mapping[str, base.Answer]) -> Iterator[Evidence]:
         ping = results.get("ping")
         line = (
             next((line for line in ping.out.splitlines() if " transmitted" in line), "")
-            if isinstance(ping, CommandResult)
+            if isinstance(ping, base.CommandResult)
             else ""
         )
         if line:
-            yield measured_evidence(f"pings of {self._server} through the tunnel", line)
+            yield parse.measured_evidence(f"pings of {self._server} through the tunnel", line)
         clients = results.get("clients")
-        result = rows(clients, "", "", "name") if clients is not None else ()
+        result = parse.rows(clients, "", "", "name") if clients is not None else ()
         for row in () if isinstance(result, BearerFinding) else result:
-            yield read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
+            yield parse.read(f"tunnel {row.get('name', '?')} of the router", f"running={row.get('running', '?')}")
 
 
 def _compare_address(code: str, what: str, expected_address: str, there: list[str]) -> BearerFinding:
     if expected_address in there:
-        return good(f"{code}-tunnel", f"{what} is up, with its declared address {expected_address}")
+        return parse.good(f"{code}-tunnel", f"{what} is up, with its declared address {expected_address}")
     has = there[0] if there else "no address"
     message = f"{what} is up with {has}, and {expected_address} is declared"
-    return fail(f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address")
+    return parse.fail(
+        f"{code}-tunnel-address", message, "`provision vpn sync` lets the server give each member its address"
+    )

@@ -8,19 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.checklist.report._pdf._items import (
-    draw,
-    first,
-    items,
-    not_checked,
-    not_rehearsed,
-    notes,
-    overridden,
-    provenance,
-    since_green,
-    table,
-    top,
-)
+from atlantis_netcfg.checklist.report._pdf import _items
 from atlantis_netcfg.checklist.report._pdf._sheet import Sheet
 
 if TYPE_CHECKING:
@@ -36,15 +24,15 @@ def pdf(document: Document, files: Mapping[str, bytes]) -> bytes:
     """The file, the same for the same document and files."""
     sheet = Sheet(document)
     sheet.add_page()
-    top(sheet, document)
-    table(sheet, document)
-    first(sheet, document)
-    overridden(sheet, document)
-    since_green(sheet, document)
-    not_checked(sheet, document)
-    notes(sheet, document)
-    draw(sheet, document)
-    items(sheet, document, files)
-    not_rehearsed(sheet, document)
-    provenance(sheet, document)
+    _items.top(sheet, document)
+    _items.table(sheet, document)
+    _items.first(sheet, document)
+    _items.overridden(sheet, document)
+    _items.since_green(sheet, document)
+    _items.not_checked(sheet, document)
+    _items.notes(sheet, document)
+    _items.draw(sheet, document)
+    _items.items(sheet, document, files)
+    _items.not_rehearsed(sheet, document)
+    _items.provenance(sheet, document)
     return sheet.to_bytes()

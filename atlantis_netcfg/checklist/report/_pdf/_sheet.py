@@ -10,8 +10,7 @@ from fpdf import FPDF
 from fpdf.enums import XPos, YPos
 from fpdf.fonts import TTFFont
 
-from atlantis_netcfg.checklist.report._shapes import SYMBOLS, TINTS, ShownState
-from atlantis_netcfg.checklist.report._texts import PageText, name_of_page, split_code, strip_code
+from atlantis_netcfg.checklist.report import _shapes, _texts
 from atlantis_netcfg.checklist.report._words import signature_line
 from atlantis_netcfg.core.language import translate
 from atlantis_netcfg.core.printable import visible
@@ -136,7 +135,7 @@ class Paper(FPDF):
         """A paragraph, broken where the paper ends."""
         self.set_x(self.l_margin + indent)
         height = self.font_size * 1.35
-        pieces = split_code(printable(text))
+        pieces = _texts.split_code(printable(text))
         if any(is_code for _, is_code in pieces):
             self._with_code(pieces, height, indent)
         else:
@@ -180,36 +179,36 @@ class Sheet(Paper):
     """Pages of one document."""
 
     def __init__(self, document: Document) -> None:
-        super().__init__(translate(name_of_page(document)), document.tool, document.ended or document.started)
+        super().__init__(translate(_texts.name_of_page(document)), document.tool, document.ended or document.started)
         self._links_to = {id(item): self.add_link(page=1) for item in document.items}
         words = [translate(f"{document.site}, run {document.run}")]
         if document.rehearsed:
-            words.append(translate(PageText.REHEARSAL_NOTE))
-        digest = f"digest {document.signed.digest}" if document.signed is not None else PageText.NOT_SIGNED
+            words.append(translate(_texts.PageText.REHEARSAL_NOTE))
+        digest = f"digest {document.signed.digest}" if document.signed is not None else _texts.PageText.NOT_SIGNED
         self.head_line = "; ".join((*words, translate(digest)))
         self.foot_line = translate(signature_line(document))
 
-    def tint(self, state: ShownState | None) -> None:
+    def tint(self, state: _shapes.ShownState | None) -> None:
         """The colours of a state, and an edge that tells it on black and white paper."""
-        tint = TINTS[state]
+        tint = _shapes.TINTS[state]
         self.set_text_color(*rgb(tint.ink))
         self.set_fill_color(*rgb(tint.paper))
         self.set_draw_color(*rgb(tint.edge))
 
-    def badge(self, state: ShownState, words: str, *, link: int | None = None) -> None:
+    def badge(self, state: _shapes.ShownState, words: str, *, link: int | None = None) -> None:
         """A state in a box; what follows stands beside it."""
         self.plain(SMALL, bold=True)
         self.tint(state)
-        text = printable(f"{SYMBOLS[state]} {words}")
+        text = printable(f"{_shapes.SYMBOLS[state]} {words}")
         width = self.get_string_width(text) + 4
         self.cell(width, 5, text, border=1, fill=True, align="C", link=link or "")
         self.set_x(self.x + 2)
 
-    def badge_line(self, state: ShownState, words: str, text: str, *, link: int | None = None) -> None:
+    def badge_line(self, state: _shapes.ShownState, words: str, text: str, *, link: int | None = None) -> None:
         """A badge, and beside it the words that it is about."""
         self.badge(state, words, link=link)
         self.plain(BODY, bold=True)
-        self.multi_cell(0, 5, printable(strip_code(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
+        self.multi_cell(0, 5, printable(_texts.strip_code(text)), align="L", new_x=XPos.LMARGIN, new_y=YPos.NEXT)
         self.set_y(self.y + 0.7)
 
     def link_of(self, item: Item) -> int:

@@ -13,34 +13,13 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.checklist.runner.simulated import robots
-from atlantis_netcfg.checklist.runner.simulated._world import (
-    add_row,
-    apart,
-    change_modem,
-    change_rows,
-    set_clock,
-    silence_addresses,
-)
+from atlantis_netcfg.checklist.runner.simulated import _world, robots
+from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.gnss import GnssAccess, Speech
-from atlantis_netcfg.emulator.linux import (
-    AddressSpec,
-    AdvertisementSpec,
-    CertificateSpec,
-    ComputerSpec,
-    DdsSpec,
-    EchoSpec,
-    InterfaceSpec,
-    NeighbourSpec,
-    OfferSpec,
-    RouteSpec,
-)
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
-
-    from atlantis_netcfg.checklist.runner.simulated._world import Act, World
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,21 +30,21 @@ class RehearsedFault:
     """What is so, for whoever trains with it."""
     turns: tuple[str, ...]
     """The items that have to notice; `SITE` stands for the site. All others stay as they are."""
-    spoil: Callable[[World], None]
+    spoil: Callable[[_world.World], None]
     """Raises KeyError where the site has no such thing."""
 
 
 _STRANGER = "02:00:5E:00:FC:66"
 
 
-def _gateway(change: Callable[[ComputerSpec], dict[str, Any]]) -> Callable[[World], None]:
+def _gateway(change: Callable[[linux.ComputerSpec], dict[str, Any]]) -> Callable[[_world.World], None]:
     return lambda world: world.gateway(change)
 
 
-def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> Callable[[World], None]:
+def _interface(name: str, change: Callable[[linux.InterfaceSpec], dict[str, Any]]) -> Callable[[_world.World], None]:
     """Change one interface. Raises KeyError where it is not there."""
 
-    def update_interface(computer: ComputerSpec) -> dict[str, Any]:
+    def update_interface(computer: linux.ComputerSpec) -> dict[str, Any]:
         if computer.interface(name) is None:
             raise KeyError(name)
         return {
@@ -78,47 +57,49 @@ def _interface(name: str, change: Callable[[InterfaceSpec], dict[str, Any]]) -> 
     return _gateway(update_interface)
 
 
-def _change_association(name: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of AssociationSpec
-    def change(interface: InterfaceSpec) -> dict[str, Any]:
+def _change_association(name: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of AssociationSpec
+    def change(interface: linux.InterfaceSpec) -> dict[str, Any]:
         assert interface.association is not None  # noqa: S101 - a healthy radio is associated
         return {"association": interface.association.model_copy(update=changes)}
 
     return _interface(name, change)
 
 
-def _echo(address: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of EchoSpec
-    return _gateway(lambda computer: {"echoes": {**computer.echoes, address: EchoSpec(**changes)}})
+def _echo(address: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of EchoSpec
+    return _gateway(lambda computer: {"echoes": {**computer.echoes, address: linux.EchoSpec(**changes)}})
 
 
-def _offer(*knows: str) -> Callable[[World], None]:
-    offer = OfferSpec(server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2", knows=knows)
+def _offer(*knows: str) -> Callable[[_world.World], None]:
+    offer = linux.OfferSpec(
+        server="192.168.2.2", mac=_STRANGER, address="192.168.2.50", router="192.168.2.2", knows=knows
+    )
     return _gateway(lambda computer: {"dhcp": {name: (*offers, offer) for name, offers in computer.dhcp.items()}})
 
 
-def _advertising(computer: ComputerSpec) -> dict[str, Any]:
-    router = AdvertisementSpec(address="fe80::ff:fe00:fc66", mac=_STRANGER, prefixes=("2001:db8:5::/64",))
+def _advertising(computer: linux.ComputerSpec) -> dict[str, Any]:
+    router = linux.AdvertisementSpec(address="fe80::ff:fe00:fc66", mac=_STRANGER, prefixes=("2001:db8:5::/64",))
     return {"routers": dict.fromkeys(computer.dhcp, (router,))}
 
 
-def _another_way(computer: ComputerSpec) -> dict[str, Any]:
+def _another_way(computer: linux.ComputerSpec) -> dict[str, Any]:
     others = tuple(route for route in computer.routes if route.to != "default")
-    return {"routes": (*others, RouteSpec(via="10.70.2.1", dev="wlan1", protocol="dhcp"))}
+    return {"routes": (*others, linux.RouteSpec(via="10.70.2.1", dev="wlan1", protocol="dhcp"))}
 
 
-def _neighbour(address: str, mac: str) -> Callable[[World], None]:
-    def change(computer: ComputerSpec) -> dict[str, Any]:
+def _neighbour(address: str, mac: str) -> Callable[[_world.World], None]:
+    def change(computer: linux.ComputerSpec) -> dict[str, Any]:
         others = tuple(neighbour for neighbour in computer.neighbours if neighbour.address != address)
-        return {"neighbours": (*others, NeighbourSpec(address=address, dev="eth0", mac=mac))}
+        return {"neighbours": (*others, linux.NeighbourSpec(address=address, dev="eth0", mac=mac))}
 
     return _gateway(change)
 
 
-def _without_server(computer: ComputerSpec) -> dict[str, Any]:
+def _without_server(computer: linux.ComputerSpec) -> dict[str, Any]:
     """All that goes through the VPN passes its server."""
-    return {"echoes": {**computer.echoes, "10.80.0.1": EchoSpec(loss_percent=100.0)}, "reflectors": {}}
+    return {"echoes": {**computer.echoes, "10.80.0.1": linux.EchoSpec(loss_percent=100.0)}, "reflectors": {}}
 
 
-def _reflectors(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of ReflectorSpec
+def _reflectors(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of ReflectorSpec
     return _gateway(
         lambda computer: {
             "reflectors": {address: there.model_copy(update=changes) for address, there in computer.reflectors.items()}
@@ -126,8 +107,8 @@ def _reflectors(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fi
     )
 
 
-def _expire_certificate(computer: ComputerSpec) -> dict[str, Any]:
-    old = CertificateSpec(subject=computer.name, not_after=CertificateSpec(subject="x").not_before)
+def _expire_certificate(computer: linux.ComputerSpec) -> dict[str, Any]:
+    old = linux.CertificateSpec(subject=computer.name, not_after=linux.CertificateSpec(subject="x").not_before)
     return {"certificates": {**computer.certificates, IDENTITY: (old, *computer.certificates[IDENTITY][1:])}}
 
 
@@ -178,14 +159,15 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
         "the gateway has leased a second address of its subnet on the same card",
         ("SITE/site/one-subnet-twice",),
         _interface(
-            "eth0", lambda item: {"addresses": (*item.addresses, AddressSpec(address="10.64.1.130/24", lease_s=3000))}
+            "eth0",
+            lambda item: {"addresses": (*item.addresses, linux.AddressSpec(address="10.64.1.130/24", lease_s=3000))},
         ),
     ),
     "address-leased": RehearsedFault(
         "the gateway's static address is only leased",
         ("SITE/site/static-addresses",),
         _interface(
-            "eth0", lambda entry: {"addresses": (AddressSpec(address=entry.addresses[0].address, lease_s=1800),)}
+            "eth0", lambda entry: {"addresses": (linux.AddressSpec(address=entry.addresses[0].address, lease_s=1800),)}
         ),
     ),
     "address-unkept": RehearsedFault(
@@ -256,7 +238,7 @@ GATEWAY_FAULTS: Mapping[str, RehearsedFault] = {
     "dds-loopback": RehearsedFault(
         "what speaks DDS on the gateway is bound to its loopback (ROS_LOCALHOST_ONLY=1)",
         ("SITE/site/dds",),
-        _gateway(lambda _: {"dds": (DdsSpec(addresses=("127.0.0.1",)),)}),
+        _gateway(lambda _: {"dds": (linux.DdsSpec(addresses=("127.0.0.1",)),)}),
     ),
 }
 
@@ -264,12 +246,12 @@ _ROUTER, _UNIT = "coastal-router", "coastal-4g"
 _LONG_AGO = datetime(2025, 1, 1, tzinfo=UTC)
 
 
-def _add_acts(*acts: Act) -> Callable[[World], None]:
+def _add_acts(*acts: _world.Act) -> Callable[[_world.World], None]:
     return lambda world: world.acts.extend(acts)
 
 
-def _around(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of what stands around a router
-    def spoil(world: World) -> None:
+def _around(**changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of what stands around a router
+    def spoil(world: _world.World) -> None:
         place = world.routers[_ROUTER]
         for name, value in changes.items():
             place[name] = {**place[name], **value} if isinstance(value, dict) and value and name in place else value
@@ -277,33 +259,33 @@ def _around(**changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields
     return spoil
 
 
-def _station(mac: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of the router twin's `NearbyStation`
-    def spoil(world: World) -> None:
+def _station(mac: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of the router twin's `NearbyStation`
+    def spoil(world: _world.World) -> None:
         stations = world.routers[_ROUTER]["stations"]
         world.routers[_ROUTER]["stations"] = [each | changes if each["mac"] == mac else each for each in stations]
 
     return spoil
 
 
-def _unit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Callable[[World], None]:
-    return _add_acts(change_modem(_UNIT, before, after))
+def _unit(before: Mapping[str, Any], after: Mapping[str, Any]) -> Callable[[_world.World], None]:
+    return _add_acts(_world.change_modem(_UNIT, before, after))
 
 
-def _years_ago(world: World) -> None:
+def _years_ago(world: _world.World) -> None:
     world.routers[_ROUTER]["time_server"] = None
-    world.acts.append(set_clock(_ROUTER, _LONG_AGO))
+    world.acts.append(_world.set_clock(_ROUTER, _LONG_AGO))
 
 
 ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "bridge-saturated": RehearsedFault(
         "the two ends of the Wi-Fi bridge stand on one bench, 2 m apart",
         ("SITE/wifi",),
-        _add_acts(apart("coastal-cpe", before={"distance_m": 150.0}, after={"distance_m": 2.0})),
+        _add_acts(_world.apart("coastal-cpe", before={"distance_m": 150.0}, after={"distance_m": 2.0})),
     ),
     "bridge-weak": RehearsedFault(
         "something stands between the two ends of the Wi-Fi bridge",
         ("SITE/wifi",),
-        _add_acts(apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
+        _add_acts(_world.apart("coastal-cpe", before={"loss_db": 0.0}, after={"loss_db": 32.0})),
     ),
     "station-key": RehearsedFault(
         "Stork has another key than the site's access point",
@@ -321,7 +303,7 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "access-point-off": RehearsedFault(
         "somebody has switched the site's access point off",
         ("zarco/wifi", "stork/wifi"),
-        _add_acts(change_rows(_ROUTER, "/interface/wifi", {"default-name": "wifi1"}, disabled="yes")),
+        _add_acts(_world.change_rows(_ROUTER, "/interface/wifi", {"default-name": "wifi1"}, disabled="yes")),
     ),
     "lte-no-card": RehearsedFault("there is no SIM in the 4G unit", ("SITE/4g",), _unit({"sim": {}}, {"sim": None})),
     "lte-roaming": RehearsedFault(
@@ -338,12 +320,12 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "dear-route": RehearsedFault(
         "somebody has set a default route over 4G by hand",
         ("SITE/site/default-route", "SITE/wifi", "SITE/4g"),
-        _add_acts(add_row(_ROUTER, "/ip/route", dst_address="0.0.0.0/0", gateway="10.10.1.1", distance="1")),
+        _add_acts(_world.add_row(_ROUTER, "/ip/route", dst_address="0.0.0.0/0", gateway="10.10.1.1", distance="1")),
     ),
     "bridge-beyond-silent": RehearsedFault(
         "nobody answers beyond the Wi-Fi bridge",
         ("SITE/wifi",),
-        _add_acts(silence_addresses(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
+        _add_acts(_world.silence_addresses(_ROUTER, ["198.51.100.11", "198.51.100.12"])),
     ),
     "poe-overload": RehearsedFault(
         "the port of the 4G unit is overloaded", ("SITE/site/poe",), _around(loads={"ether2": {"status": "overload"}})
@@ -367,13 +349,15 @@ ROUTER_FAULTS: Mapping[str, RehearsedFault] = {
     "router-subnet-twice": RehearsedFault(
         "the router has a second address of its LAN on the same bridge",
         ("SITE/site/one-subnet-twice",),
-        _add_acts(add_row(_ROUTER, "/ip/address", address="10.64.1.2/24", interface="bridge-lan")),
+        _add_acts(_world.add_row(_ROUTER, "/ip/address", address="10.64.1.2/24", interface="bridge-lan")),
     ),
     "filter-open": RehearsedFault(
         "a rule of the satellite's allow-list is switched off",
         ("SITE/site/satellite-filter", "SITE/satellite/allow-list"),
         _add_acts(
-            change_rows(_ROUTER, "/ip/firewall/filter", {"chain": "to-satellite", "action": "drop"}, disabled="yes")
+            _world.change_rows(
+                _ROUTER, "/ip/firewall/filter", {"chain": "to-satellite", "action": "drop"}, disabled="yes"
+            )
         ),
     ),
 }
@@ -384,20 +368,20 @@ def _week() -> dict[str, str]:
     return {"since": (now - timedelta(days=358)).isoformat(), "until": (now + timedelta(days=7)).isoformat()}
 
 
-def _receiver(vehicle: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of its spec
+def _receiver(vehicle: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of its spec
     return lambda world: world.receiver(vehicle, **changes)
 
 
-def _modem(vehicle: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of its spec
+def _modem(vehicle: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of its spec
     return lambda world: world.modem(vehicle, **changes)
 
 
-def _autopilot(vehicle: str, **changes: Any) -> Callable[[World], None]:  # noqa: ANN401 - fields of its spec
+def _autopilot(vehicle: str, **changes: Any) -> Callable[[_world.World], None]:  # noqa: ANN401 - fields of its spec
     return lambda world: world.autopilot(vehicle, **changes)
 
 
-def _sent_from(vehicle: str, address: str) -> Callable[[World], None]:
-    def spoil(world: World) -> None:
+def _sent_from(vehicle: str, address: str) -> Callable[[_world.World], None]:
+    def spoil(world: _world.World) -> None:
         world.autopilots[vehicle] = replace(world.autopilots[vehicle], address=address)
 
     return spoil
@@ -533,7 +517,7 @@ _DISCOVERY_ITEMS = ("robot/discovered", "robot/control-centre")
 _PUBLICATION_ITEMS = ("robot/telemetry", "robot/pose", "robot/rates")
 
 
-def _robot(vehicle: str, change: robots.Change) -> Callable[[World], None]:
+def _robot(vehicle: str, change: robots.Change) -> Callable[[_world.World], None]:
     return lambda world: world.robots.change(vehicle, change)
 
 

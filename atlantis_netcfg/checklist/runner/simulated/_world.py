@@ -20,38 +20,16 @@ from atlantis_netcfg.checklist.probes.site_checks.data_reaches import far_comput
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.computers.parts import computer_network
+from atlantis_netcfg.emulator import linux
 from atlantis_netcfg.emulator.acoustic import EvologicsSpec, SeatracSpec
 from atlantis_netcfg.emulator.gnss import GnssSpec
-from atlantis_netcfg.emulator.linux import (
-    AddressSpec,
-    AssociationSpec,
-    CertificateSpec,
-    ComputerSpec,
-    DdsSpec,
-    EchoSpec,
-    InterfaceSpec,
-    ReflectorSpec,
-    UdpSpec,
-    lan_computer,
-)
 from atlantis_netcfg.emulator.mavlink import AutopilotSpec
-from atlantis_netcfg.inventory.model import (
-    AcousticDriver,
-    Column,
-    Gateway,
-    GpsDriver,
-    Router,
-    ServerComputer,
-    Switch,
-    VpnServer,
-    WifiRole,
-)
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.routeros.render import router_view
 from atlantis_netcfg.vpn.client import IDENTITY
 
 if TYPE_CHECKING:
     from atlantis_netcfg.inventory import Declaration, Host
-    from atlantis_netcfg.inventory.model import AcousticEndpoint, UsblEndpoint, WifiEndpoint
 
 
 _OUTDOORS_MHZ = 5500
@@ -61,13 +39,13 @@ ROUTER_MAC = "02:00:5E:00:FF:01"
 """Of the router's port in the LAN, as the emulated computer sees it; no address of a real device."""
 
 
-def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> ComputerSpec:
+def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> linux.ComputerSpec:
     """Describe the gateway `host` with these vehicles around it."""
     device, lan = host.device, declaration.sites[host.site].lan
-    assert isinstance(device, ServerComputer)  # noqa: S101 - the caller has looked
+    assert isinstance(device, model.ServerComputer)  # noqa: S101 - the caller has looked
     reservation_by_name = {reservation.name: reservation for reservation in lan.reservations}
     server = declaration.hosts[declaration.pilot.vpn.server].device
-    computer = lan_computer(
+    computer = linux.lan_computer(
         host.name,
         address=f"{device.address}/{lan.network.prefixlen}",
         mac=device.mac,
@@ -80,7 +58,7 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
         tunnel=f"{device.vpn_address}/{declaration.pilot.vpn.network.prefixlen}"
         if device.vpn_address is not None
         else None,
-        server=str(server.vpn_address) if isinstance(server, VpnServer) else None,
+        server=str(server.vpn_address) if isinstance(server, model.VpnServer) else None,
     )
     radios = (*_radios(declaration, vehicles), *_open_network(declaration, host, vehicles))
     return computer.model_copy(
@@ -90,8 +68,10 @@ def gateway_computer(declaration: Declaration, host: Host, vehicles: tuple[str, 
             "udp": tuple(_participants(declaration)),
             "dds": tuple(_answering(declaration, device)),
             "certificates": _identity(host),
-            "reflectors": {item.address: ReflectorSpec(host=item.name) for item in far_computers(declaration, device)},
-            "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), EchoSpec(rtt_ms=2.4))},
+            "reflectors": {
+                item.address: linux.ReflectorSpec(host=item.name) for item in far_computers(declaration, device)
+            },
+            "echoes": {**computer.echoes, **dict.fromkeys(_behind(declaration, vehicles), linux.EchoSpec(rtt_ms=2.4))},
         }
     )
 
@@ -101,38 +81,38 @@ def _network(declaration: Declaration, host: Host) -> dict[str, str]:
     network_file = computer_network(declaration, host)
     if network_file is not None:
         return {network_file.path: network_file.content}
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller has looked
     prefix = declaration.sites[host.site].lan.network.prefixlen
     address = f"{host.device.address}/{prefix}"
     return {_OF_THE_IMAGE: f"network: {{version: 2, ethernets: {{eth0: {{addresses: [{address}]}}}}}}\n"}
 
 
-def _participants(declaration: Declaration) -> Iterator[UdpSpec]:
+def _participants(declaration: Declaration) -> Iterator[linux.UdpSpec]:
     """One ROS process with its profile: the two ports of its domain and of its number in it (DDSI-RTPS 9.6.2.3)."""
     if declaration.pilot.dds is not None:
         first = 7400 + 250 * declaration.pilot.dds.domain
-        yield from (UdpSpec(port=first + offset) for offset in (10, 11))
+        yield from (linux.UdpSpec(port=first + offset) for offset in (10, 11))
 
 
-def _answering(declaration: Declaration, device: ServerComputer) -> Iterator[DdsSpec]:
+def _answering(declaration: Declaration, device: model.ServerComputer) -> Iterator[linux.DdsSpec]:
     """The same process, which says that it is reached where the others of the pilot look for it."""
     dds = declaration.pilot.dds
     if dds is not None:
-        yield DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
+        yield linux.DdsSpec(domain=dds.domain, addresses=(dds.address_of(device),))
 
 
-def _identity(host: Host) -> dict[str, tuple[CertificateSpec, ...]]:
-    assert isinstance(host.device, ServerComputer)  # noqa: S101 - the caller has looked
+def _identity(host: Host) -> dict[str, tuple[linux.CertificateSpec, ...]]:
+    assert isinstance(host.device, model.ServerComputer)  # noqa: S101 - the caller has looked
     if host.device.vpn_address is None:
         return {}
-    certificate = CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
-    return {IDENTITY: (certificate, CertificateSpec(subject=certificate.issuer))}
+    certificate = linux.CertificateSpec(subject=host.name, not_after=datetime.now(UTC) + timedelta(days=300))
+    return {IDENTITY: (certificate, linux.CertificateSpec(subject=certificate.issuer))}
 
 
-def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[WifiEndpoint]:
+def _access_points(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[model.WifiEndpoint]:
     for key in vehicles:
         wifi = declaration.vehicles[key].endpoints.wifi
-        if wifi is not None and wifi.role is WifiRole.ACCESS_POINT:
+        if wifi is not None and wifi.role is model.WifiRole.ACCESS_POINT:
             yield wifi
 
 
@@ -140,7 +120,7 @@ def _behind(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[str
     return (str(wifi.address) for wifi in _access_points(declaration, vehicles) if wifi.address is not None)
 
 
-def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
+def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
     """One radio for each access point, each in the network of its robot."""
     seen_interfaces: set[str] = set()
     for number, wifi in enumerate(_access_points(declaration, vehicles), start=1):
@@ -148,12 +128,12 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[Int
             continue
         seen_interfaces.add(wifi.interface)
         local = None if wifi.address is None else f"{wifi.address + 100}/24"
-        yield InterfaceSpec(
+        yield linux.InterfaceSpec(
             name=wifi.interface,
             mac=f"02:00:5E:00:FE:{number:02X}",
-            addresses=() if local is None else (AddressSpec(address=local, lease_s=3000),),
+            addresses=() if local is None else (linux.AddressSpec(address=local, lease_s=3000),),
             wireless=True,
-            association=AssociationSpec(
+            association=linux.AssociationSpec(
                 ssid=wifi.ssid or "EXAMPLE",
                 bssid=wifi.mac or f"02:00:5E:00:FD:{number:02X}",
                 frequency_mhz=_OUTDOORS_MHZ,
@@ -161,23 +141,23 @@ def _radios(declaration: Declaration, vehicles: tuple[str, ...]) -> Iterator[Int
         )
 
 
-def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[InterfaceSpec]:
+def _open_network(declaration: Declaration, host: Host, vehicles: tuple[str, ...]) -> Iterator[linux.InterfaceSpec]:
     """The radio of the gateway's own network; stations join it where the site has no other access point for them."""
-    radio = host.device.access_point if isinstance(host.device, Gateway) else None
+    radio = host.device.access_point if isinstance(host.device, model.Gateway) else None
     if radio is None:
         return
-    cells = [Cell(declaration, host.site, key, Column.WIFI) for key in vehicles]
+    cells = [Cell(declaration, host.site, key, model.Column.WIFI) for key in vehicles]
     wifi_cells = [(cell, cell.wifi) for cell in cells if cell.wifi is not None]
     macs = [
         reserved_mac(cell, wifi.mac)
         for cell, wifi in wifi_cells
-        if wifi.role is WifiRole.STATION and wifi.seen_by is None
+        if wifi.role is model.WifiRole.STATION and wifi.seen_by is None
     ]
-    network = AssociationSpec(ssid=radio.ssid, bssid="02:00:5E:00:FC:01", frequency_mhz=radio.frequency_mhz)
-    yield InterfaceSpec(
+    network = linux.AssociationSpec(ssid=radio.ssid, bssid="02:00:5E:00:FC:01", frequency_mhz=radio.frequency_mhz)
+    yield linux.InterfaceSpec(
         name=radio.interface,
         mac=network.bssid,
-        addresses=(AddressSpec(address=f"{radio.address}/{radio.network.prefixlen}"),),
+        addresses=(linux.AddressSpec(address=f"{radio.address}/{radio.network.prefixlen}"),),
         wireless=True,
         type="AP",
         association=network,
@@ -297,9 +277,9 @@ def _get_return_value(answers: list[list[str]]) -> str:
 
 def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
     """Describe what stands around a router, its LAN, tunnel and time server among it; around a switch, its stations."""
-    if isinstance(host.device, Switch):
+    if isinstance(host.device, model.Switch):
         return {"stations": list(_stations(declaration, host, host.device))}
-    assert isinstance(host.device, Router)  # noqa: S101 - the caller has looked
+    assert isinstance(host.device, model.Router)  # noqa: S101 - the caller has looked
     site, client, tunnel = declaration.sites[host.site], host.device.vpn_client, router_view(declaration, host).tunnel
     tunnels = {}
     if client is not None and tunnel is not None:
@@ -319,18 +299,18 @@ def surroundings(declaration: Declaration, host: Host) -> dict[str, Any]:
 def _cards(declaration: Declaration, site: str) -> dict[str, str]:
     cards = {str(reservation.address): reservation.mac for reservation in declaration.sites[site].lan.reservations}
     for host in declaration.site_hosts(site):
-        if isinstance(host.device, ServerComputer) and host.device.mac is not None:
+        if isinstance(host.device, model.ServerComputer) and host.device.mac is not None:
             cards[str(host.device.address)] = host.device.mac
     return cards
 
 
-def _stations(declaration: Declaration, host: Host, device: Router | Switch) -> Iterator[dict[str, str]]:
+def _stations(declaration: Declaration, host: Host, device: model.Router | model.Switch) -> Iterator[dict[str, str]]:
     """The vehicles that are stations of the device's access point, near it with its name and key."""
     radio, here = device.access_point, declaration.sites[host.site].checklist.vehicles
     for key in declaration.vehicles if here is None else here:
-        cell = Cell(declaration, host.site, key, Column.WIFI)
+        cell = Cell(declaration, host.site, key, model.Column.WIFI)
         wifi = cell.wifi
-        if radio is None or wifi is None or wifi.role is not WifiRole.STATION or wifi.seen_by != host.name:
+        if radio is None or wifi is None or wifi.role is not model.WifiRole.STATION or wifi.seen_by != host.name:
             continue
         mac = reserved_mac(cell, wifi.mac)
         if mac is not None:
@@ -378,7 +358,7 @@ class World:
     """A site of twins; the keys are vehicles, and the routers' names."""
 
     site: str
-    computer: ComputerSpec | None
+    computer: linux.ComputerSpec | None
     receivers: dict[str, SimulatedReceiver] = field(default_factory=dict)
     modems: dict[str, SimulatedModem] = field(default_factory=dict)
     autopilots: dict[str, Autopilot] = field(default_factory=dict)
@@ -409,7 +389,7 @@ class World:
         """Change what was measured of a link."""
         self.links[name] = replace(self.links[name], **changes)
 
-    def gateway(self, change: Callable[[ComputerSpec], dict[str, Any]]) -> None:
+    def gateway(self, change: Callable[[linux.ComputerSpec], dict[str, Any]]) -> None:
         """Change the gateway computer: `change` gives the fields that are otherwise."""
         assert self.computer is not None  # noqa: S101 - faults of the gateway are offered where there is one
         self.computer = self.computer.model_copy(update=change(self.computer))
@@ -422,7 +402,7 @@ def healthy(declaration: Declaration, site: str) -> World:
     gateway = Cell(declaration, site, None, "site").gateway
     world = World(site, None if gateway is None else gateway_computer(declaration, gateway, vehicles))
     for host in declaration.site_hosts(site):
-        if isinstance(host.device, Router | Switch):
+        if isinstance(host.device, model.Router | model.Switch):
             world.routers[host.name] = surroundings(declaration, host)
     for bearer in declaration.sites[site].bearers if declaration.pilot.qualify is not None else ():
         world.links[bearer.name] = MeasuredLink(bearer.name, bearer.kind)
@@ -437,11 +417,11 @@ def healthy(declaration: Declaration, site: str) -> World:
 
 def _receiver(cell: Cell) -> Iterator[tuple[str, SimulatedReceiver]]:
     gps = cell.endpoints.gps
-    if gps is None or gps.driver is GpsDriver.ROUTEROS:
+    if gps is None or gps.driver is model.GpsDriver.ROUTEROS:
         return
     fence = cell.site_config.checklist.geofence
     spec = GnssSpec() if fence is None else GnssSpec(latitude=fence.latitude, longitude=fence.longitude)
-    gpsd = gps.driver is GpsDriver.GPSD
+    gpsd = gps.driver is model.GpsDriver.GPSD
     port = gps.port or (GPSD_PORT if gpsd else NMEA_PORT)
     if gps.device is not None:
         yield cell.row, SimulatedReceiver(spec, gpsd, device=gps.device)
@@ -462,12 +442,12 @@ def _modem(cell: Cell) -> Iterator[tuple[str, SimulatedModem]]:
 
 
 def _spec(cell: Cell) -> EvologicsSpec | SeatracSpec:
-    acoustic: AcousticEndpoint | None = cell.endpoints.acoustic
-    usbl: UsblEndpoint | None = cell.endpoints.usbl
+    acoustic: model.AcousticEndpoint | None = cell.endpoints.acoustic
+    usbl: model.UsblEndpoint | None = cell.endpoints.usbl
     local = acoustic.acoustic_address if acoustic is not None else None
     hears = usbl.hears if usbl is not None else ()
     driver = acoustic.driver if acoustic is not None else usbl.driver if usbl is not None else None
-    if driver is AcousticDriver.EVOLOGICS:
+    if driver is model.AcousticDriver.EVOLOGICS:
         reaches = (acoustic.partner,) if acoustic is not None and acoustic.partner is not None else ()
         return EvologicsSpec(local_address=local or 1, hears=hears or (2,), reaches=reaches, in_water=True)
     ping_targets = (usbl.ping,) if usbl is not None and usbl.ping is not None else ()

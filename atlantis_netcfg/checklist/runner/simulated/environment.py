@@ -16,46 +16,16 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 from zoneinfo import ZoneInfo
 
-from atlantis_netcfg.checklist.probes import (
-    Answer,
-    CommandResult,
-    DdsDiscoverRequest,
-    DdsDiscoverResult,
-    DhcpDiscoverRequest,
-    DhcpOffers,
-    LinkRecordRequest,
-    LinkRecordResult,
-    Listen,
-    Place,
-    Question,
-    ReflectReply,
-    ReflectRequest,
-    ReflectResult,
-    RobotsHeardRequest,
-    RouterAdvertisements,
-    RouterSolicitRequest,
-    RunProgram,
-    Transcript,
-    Trouble,
-    VpnMembersRequest,
-)
-from atlantis_netcfg.checklist.probes.step import DhcpOffer, RouterAdvertisement
-from atlantis_netcfg.checklist.runner._real import Ears, RealEars, ask_here
+from atlantis_netcfg.checklist import probes
+from atlantis_netcfg.checklist.probes.base import DhcpOffer, RouterAdvertisement
+from atlantis_netcfg.checklist.runner import _real
 from atlantis_netcfg.checklist.runner.results import OnAnswer, Questions, trouble_answer
+from atlantis_netcfg.checklist.runner.simulated import _world
 from atlantis_netcfg.checklist.runner.simulated._faults import FAULTS
-from atlantis_netcfg.checklist.runner.simulated._world import (
-    Autopilot,
-    SimulatedModem,
-    SimulatedReceiver,
-    World,
-    clock_words,
-    healthy,
-)
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.core.events import ignore
 from atlantis_netcfg.core.paths import state_dir
-from atlantis_netcfg.emulator.acoustic import EvologicsSpec, RunningEvologics, RunningSeatrac
-from atlantis_netcfg.emulator.gnss import RunningGpsd, RunningNmea, RunningNmeaPort
+from atlantis_netcfg.emulator import acoustic, gnss
 from atlantis_netcfg.emulator.linux import NOT_FOUND, Computer
 from atlantis_netcfg.emulator.mavlink import RunningAutopilot
 from atlantis_netcfg.operations.common.request import Mode, Request
@@ -74,7 +44,7 @@ _NOBODY = "nothing stands for it in a rehearsal"
 class RehearsedEars:
     """Streams are listened to by the real program; what programs of a gateway would print is emulated."""
 
-    routers: Ears
+    routers: _real.Ears
     """The real site's, whose devices are the twins."""
     computer: Computer | None
     """Stands for the gateway, and for this computer as far as its programs are asked; None: the site has none."""
@@ -84,12 +54,14 @@ class RehearsedEars:
     """What would have been measured of each link."""
     robots: SimulatedRobots = field(default_factory=SimulatedRobots)
 
-    async def ask(self, place: Place, host: str | None, questions: Questions, result: OnAnswer) -> Mapping[str, Answer]:
+    async def ask(
+        self, place: probes.Place, host: str | None, questions: Questions, result: OnAnswer
+    ) -> Mapping[str, probes.Answer]:
         """Ask all questions of one place in one turn; see `Ears.ask`."""
-        if place is Place.ROUTER:
+        if place is probes.Place.ROUTER:
             return await self.routers.ask(place, host, questions, result)
         streams = [(key, stream) for key, request in questions if (stream := self._relocate(request)) is not None]
-        answers: dict[str, Answer] = {}
+        answers: dict[str, probes.Answer] = {}
         names = {key for key, _ in streams}
         for key, question in questions:
             if key not in names:
@@ -98,91 +70,103 @@ class RehearsedEars:
         if streams:
             by_key = dict(questions)
 
-            def progress(key: str, answer: Answer) -> None:
+            def progress(key: str, answer: probes.Answer) -> None:
                 result(key, self._with_sender(by_key[key], answer))
 
-            results = await ask_here(streams, progress)
+            results = await _real.ask_here(streams, progress)
             answers.update({key: self._with_sender(by_key[key], answer) for key, answer in results.items()})
         return answers
 
-    def _with_sender(self, question: Question, answer: Answer) -> Answer:
+    def _with_sender(self, question: probes.Question, answer: probes.Answer) -> probes.Answer:
         """A datagram comes from where the thing would be that its twin stands for."""
-        if not isinstance(answer, Transcript) or not isinstance(question, Listen) or not answer.senders:
+        if not isinstance(answer, probes.Transcript) or not isinstance(question, probes.Listen) or not answer.senders:
             return answer
         stand = next(item for item in self.stands if item.means(question))
         return replace(answer, senders=(stand.address,) * len(answer.senders))
 
-    def _relocate(self, question: Question) -> Listen | None:
+    def _relocate(self, question: probes.Question) -> probes.Listen | None:
         """Give a stream at the place where its twin really is; None: it is no stream, or nothing stands for it."""
-        if not isinstance(question, Listen):
+        if not isinstance(question, probes.Listen):
             return None
         stand = next((item for item in self.stands if item.means(question)), None)
         return None if stand is None else replace(question, **stand.place())
 
-    def _answer(self, question: Question) -> Answer:
-        if isinstance(question, RobotsHeardRequest | VpnMembersRequest):
+    def _answer(self, question: probes.Question) -> probes.Answer:
+        if isinstance(question, probes.RobotsHeardRequest | probes.VpnMembersRequest):
             return self.robots.answer(question)
-        return self._link_record(question) if isinstance(question, LinkRecordRequest) else self._of_computer(question)
+        return (
+            self._link_record(question)
+            if isinstance(question, probes.LinkRecordRequest)
+            else self._of_computer(question)
+        )
 
-    def _of_computer(self, question: Question) -> Answer:
-        if self.computer is None or isinstance(question, Listen):
+    def _of_computer(self, question: probes.Question) -> probes.Answer:
+        if self.computer is None or isinstance(question, probes.Listen):
             return trouble_answer(question, _NOBODY)
-        if isinstance(question, RunProgram):
+        if isinstance(question, probes.RunProgram):
             return self._ran(question, self.computer)
-        if isinstance(question, DhcpDiscoverRequest | RouterSolicitRequest):
+        if isinstance(question, probes.DhcpDiscoverRequest | probes.RouterSolicitRequest):
             return self._of_segment(question, self.computer)
-        if isinstance(question, DdsDiscoverRequest):
+        if isinstance(question, probes.DdsDiscoverRequest):
             return self._discover(question, self.computer)
-        if isinstance(question, ReflectRequest):
+        if isinstance(question, probes.ReflectRequest):
             return self._reflect(question, self.computer)
         return trouble_answer(question, _NOBODY)
 
-    def _link_record(self, question: LinkRecordRequest) -> LinkRecordResult:
+    def _link_record(self, question: probes.LinkRecordRequest) -> probes.LinkRecordResult:
         """Made up, and the record says that its link is emulated."""
         now, link = datetime.now(UTC), self.links.get(question.bearer)
-        return LinkRecordResult(None, "", None if link is None else link.record(self.site, now), now, is_rehearsal=True)
+        return probes.LinkRecordResult(
+            None, "", None if link is None else link.record(self.site, now), now, is_rehearsal=True
+        )
 
     @staticmethod
-    def _ran(question: RunProgram, computer: Computer) -> CommandResult:
+    def _ran(question: probes.RunProgram, computer: Computer) -> probes.CommandResult:
         request_time = time.time()
         rc, out, err = computer.answer(question.argv)
         trouble, words = None, ""
         if rc == NOT_FOUND:
-            trouble, words = Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
-        return CommandResult(trouble, words, rc, out, err, computer.now, request_time, time.time())
+            trouble, words = probes.Trouble.MISSING, f"there is no program {shlex.quote(question.argv[0])}"
+        return probes.CommandResult(trouble, words, rc, out, err, computer.now, request_time, time.time())
 
     @staticmethod
-    def _discover(question: DdsDiscoverRequest, computer: Computer) -> DdsDiscoverResult:
+    def _discover(question: probes.DdsDiscoverRequest, computer: Computer) -> probes.DdsDiscoverResult:
         prefix = os.urandom(12)
         datagrams = computer.participants(question.domain, question.address, prefix)
         if datagrams is None:
-            return DdsDiscoverResult(Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address")
-        return DdsDiscoverResult(None, "", prefix, datagrams)
+            return probes.DdsDiscoverResult(
+                probes.Trouble.UNREACHABLE, f"{question.address}: Cannot assign requested address"
+            )
+        return probes.DdsDiscoverResult(None, "", prefix, datagrams)
 
     @staticmethod
-    def _reflect(question: ReflectRequest, computer: Computer) -> ReflectResult:
+    def _reflect(question: probes.ReflectRequest, computer: Computer) -> probes.ReflectResult:
         """Emulated, and each answer says so."""
         tokens = tuple(os.urandom(16).hex() for _ in range(question.count))
         replies = computer.reflect(question.source, question.address, tokens)
         if replies is None:
-            return ReflectResult(Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address")
-        return ReflectResult(None, "", tokens, tuple(ReflectReply(*row) for row in replies))
+            return probes.ReflectResult(
+                probes.Trouble.UNREACHABLE, f"{question.source}: Cannot assign requested address"
+            )
+        return probes.ReflectResult(None, "", tokens, tuple(probes.ReflectReply(*row) for row in replies))
 
     @staticmethod
-    def _of_segment(question: DhcpDiscoverRequest | RouterSolicitRequest, computer: Computer) -> Answer:
+    def _of_segment(
+        question: probes.DhcpDiscoverRequest | probes.RouterSolicitRequest, computer: Computer
+    ) -> probes.Answer:
         """What answers a question that goes to everybody on the segment of an interface."""
         absent = f"this computer has no interface {question.interface}"
-        if isinstance(question, RouterSolicitRequest):
+        if isinstance(question, probes.RouterSolicitRequest):
             routers = computer.routers(question.interface)
             if routers is None:
-                return RouterAdvertisements(Trouble.MISSING, absent)
+                return probes.RouterAdvertisements(probes.Trouble.MISSING, absent)
             advertisements = (RouterAdvertisement(r.address, r.mac.lower(), r.lifetime_s, r.prefixes) for r in routers)
-            return RouterAdvertisements(None, "", tuple(advertisements))
+            return probes.RouterAdvertisements(None, "", tuple(advertisements))
         dhcp_offers = computer.offers(question.interface, question.cards)
         if dhcp_offers is None:
-            return DhcpOffers(Trouble.MISSING, absent)
+            return probes.DhcpOffers(probes.Trouble.MISSING, absent)
         offers = (DhcpOffer(offer.server, offer.mac.lower(), offer.address, offer.router) for offer in dhcp_offers)
-        return DhcpOffers(None, "", tuple(offers))
+        return probes.DhcpOffers(None, "", tuple(offers))
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +182,7 @@ class Stand:
     here_port: int = 0
     here_device: str = ""
 
-    def means(self, question: Listen) -> bool:
+    def means(self, question: probes.Listen) -> bool:
         """Whether a question goes to this end."""
         if self.transport != question.transport:
             return False
@@ -214,7 +198,7 @@ class Stand:
 
 
 @contextmanager
-def standing(world: World) -> Iterator[tuple[Stand, ...]]:
+def standing(world: _world.World) -> Iterator[tuple[Stand, ...]]:
     """Start every twin that the world describes; they end with the context."""
     with ExitStack() as stack:
         stands = [_receiver(stack, receiver) for receiver in world.receivers.values()]
@@ -223,24 +207,28 @@ def standing(world: World) -> Iterator[tuple[Stand, ...]]:
         yield tuple(stands)
 
 
-def _receiver(stack: ExitStack, receiver: SimulatedReceiver) -> Stand:
+def _receiver(stack: ExitStack, receiver: _world.SimulatedReceiver) -> Stand:
     if receiver.device:
-        port = stack.enter_context(RunningNmeaPort(receiver.spec))
+        port = stack.enter_context(gnss.RunningNmeaPort(receiver.spec))
         return Stand("serial", device=receiver.device, here_device=port.path)
-    server = RunningGpsd(receiver.spec) if receiver.gpsd else RunningNmea(receiver.spec)
+    server = gnss.RunningGpsd(receiver.spec) if receiver.gpsd else gnss.RunningNmea(receiver.spec)
     stack.enter_context(server)
     return Stand("tcp", receiver.address, receiver.port, here_port=server.port)
 
 
-def _modem(stack: ExitStack, modem: SimulatedModem) -> Stand:
-    twin = RunningEvologics(modem.spec) if isinstance(modem.spec, EvologicsSpec) else RunningSeatrac(modem.spec)
+def _modem(stack: ExitStack, modem: _world.SimulatedModem) -> Stand:
+    twin = (
+        acoustic.RunningEvologics(modem.spec)
+        if isinstance(modem.spec, acoustic.EvologicsSpec)
+        else acoustic.RunningSeatrac(modem.spec)
+    )
     stack.enter_context(twin)
     if modem.device:
         return Stand("serial", device=modem.device, here_device=twin.path)
     return Stand("tcp", modem.address, modem.port, here_port=twin.port)
 
 
-def _autopilot(stack: ExitStack, autopilot: Autopilot) -> Stand:
+def _autopilot(stack: ExitStack, autopilot: _world.Autopilot) -> Stand:
     """The stream goes to a port that was free a moment ago: the declared one may be in use on this computer."""
     twin = stack.enter_context(RunningAutopilot(autopilot.spec))
     return Stand("udp", autopilot.address, autopilot.port, here_port=twin.port)
@@ -251,25 +239,25 @@ def rehearsed_ears(
     declaration: Declaration, site: str, rehearsal: Rehearsal, broken: Sequence[str] = ()
 ) -> Iterator[RehearsedEars]:
     """Give ears whose site is well but for what is `broken` (names of `FAULTS`); its routers are configured already."""
-    world = healthy(declaration, site)
+    world = _world.healthy(declaration, site)
     for name in broken:
         FAULTS[name].spoil(world)
     request = Request(state=state_dir(), mode=Mode.DRIFT, rehearsed=True, targets=rehearsal.targets, accept_cost=True)
     with _routers(declaration, world, rehearsal), standing(world) as stands:
         computer = None if world.computer is None else Computer(world.computer)
         yield RehearsedEars(
-            RealEars(declaration, site, request, ignore), computer, stands, site, world.links, world.robots
+            _real.RealEars(declaration, site, request, ignore), computer, stands, site, world.links, world.robots
         )
 
 
 @contextmanager
-def _routers(declaration: Declaration, world: World, rehearsal: Rehearsal) -> Iterator[None]:
+def _routers(declaration: Declaration, world: _world.World, rehearsal: Rehearsal) -> Iterator[None]:
     """Put the routers into their place, and do to them what faults ask for; taken back at the end."""
     zone = ZoneInfo(declaration.pilot.time_zone)
     emulated_routers = [name for name in world.routers if name in rehearsal.targets]
     for name in emulated_routers:
         rehearsal.twins.do(name, "around", **world.routers[name])
-        rehearsal.twins.do(name, "console", words=clock_words(datetime.now(zone)))
+        rehearsal.twins.do(name, "console", words=_world.clock_words(datetime.now(zone)))
     with ExitStack() as back:
         for act in world.acts:
             back.callback(act(rehearsal.twins.do))

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final
 from atlantis_netcfg import __version__
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory.model import BearerKind
+from atlantis_netcfg.links.qualify import measured_run
 from atlantis_netcfg.links.qualify.judgement import profile
-from atlantis_netcfg.links.qualify.measured_run import BudgetLimits, FarEnd, MeasuredRun, Selection
 from atlantis_netcfg.links.qualify.record import QualifyRecord, make_record
 from atlantis_netcfg.links.qualify.samples import (
     CounterSample,
@@ -56,20 +56,20 @@ class MeasuredLink:
         name = _THRESHOLDS[self.kind]
         limits = profile(name)
         start = now - self.age
-        run = MeasuredRun(
+        run = measured_run.MeasuredRun(
             id=f"{self.name}-{start:%Y%m%dT%H%M%SZ}",
             tool=__version__,
             site=site,
             link=self.name,
             kind=self.kind.value,
             emulated=True,
-            selection=Selection.ALL,
-            far_end=FarEnd(name="", address="", port=0, over_vpn=False, authenticated=True, source=""),
+            selection=measured_run.Selection.ALL,
+            far_end=measured_run.FarEnd(name="", address="", port=0, over_vpn=False, authenticated=True, source=""),
             begun=start,
             ended=start + timedelta(minutes=4),
             reason="done",
             clock_synchronised=False,
-            budget=BudgetLimits(),
+            budget=measured_run.BudgetLimits(),
             way=self.way,
             way_reason="" if self.way is Verdict.PASS else "the packets were counted on another link",
             thresholds_name=name,

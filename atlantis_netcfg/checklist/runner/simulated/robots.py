@@ -6,14 +6,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Final
 
-from atlantis_netcfg.checklist.probes import (
-    Answer,
-    RobotsHeardRequest,
-    RobotsHeardResult,
-    VpnMember,
-    VpnMembersRequest,
-    VpnMembersResult,
-)
+from atlantis_netcfg.checklist import probes
 from atlantis_netcfg.checklist.probes.robot_files import RobotFiles
 from atlantis_netcfg.robots.listener import CONFIGURATION_TYPE
 from atlantis_netcfg.robots.mock import RATES_HZ
@@ -39,7 +32,7 @@ class SimulatedRobots:
 
     here: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
     centre: RobotObservation = field(default_factory=lambda: RobotObservation(_SECONDS))
-    members: dict[str, VpnMember] = field(default_factory=dict)
+    members: dict[str, probes.VpnMember] = field(default_factory=dict)
 
     @classmethod
     def honest(cls, declaration: Declaration, site: str) -> SimulatedRobots:
@@ -49,16 +42,16 @@ class SimulatedRobots:
             return cls()
         here = honest_observation(files)
         members = {
-            key: VpnMember(f"EXAMPLE-{key}", key, has_certificate=True, session=f"192.0.2.{number}:1194")
+            key: probes.VpnMember(f"EXAMPLE-{key}", key, has_certificate=True, session=f"192.0.2.{number}:1194")
             for number, key in enumerate(files.sources, start=1)
         }
         return cls(here, deepcopy(here), members)
 
-    def answer(self, question: RobotsHeardRequest | VpnMembersRequest) -> Answer:
+    def answer(self, question: probes.RobotsHeardRequest | probes.VpnMembersRequest) -> probes.Answer:
         """Answer as the real site would."""
-        if isinstance(question, VpnMembersRequest):
-            return VpnMembersResult(None, "", tuple(self.members.values()))
-        return RobotsHeardResult(None, "", self.centre if question.host else self.here)
+        if isinstance(question, probes.VpnMembersRequest):
+            return probes.VpnMembersResult(None, "", tuple(self.members.values()))
+        return probes.RobotsHeardResult(None, "", self.centre if question.host else self.here)
 
     def change(self, vehicle: str, change: Change) -> None:
         """Change what a robot publishes, at both places. Raises KeyError where there is no such robot."""

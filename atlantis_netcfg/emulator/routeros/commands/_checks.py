@@ -12,9 +12,8 @@ from datetime import UTC, datetime
 from ipaddress import IPv4Interface
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import FLAGGED_MESSAGE, NOT_ALLOWED, SUSPICIOUS, is_allowed, public_key
+from atlantis_netcfg.emulator.routeros import access, menus
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.menus import OLD_WORDS, Shape, Unique
 from atlantis_netcfg.emulator.routeros.values import NOT_OFFERED, id_text, spell
 from atlantis_netcfg.emulator.routeros.views import HIDDEN_TEXT
 from atlantis_netcfg.routeros.rsc import Statement, print_statement
@@ -72,7 +71,9 @@ def check(core: Core, menu: str, values: Mapping[str, str], item: StoredItem | N
         more(core, values, item)
 
 
-def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str, str], item: StoredItem | None) -> None:
+def _check_unique(
+    core: Core, table: Table, unique: menus.Unique, values: Mapping[str, str], item: StoredItem | None
+) -> None:
     first, key = unique.arguments[0], _key(table, unique, values)
     if key[0] is None or (unique.enabled_only and values.get("disabled") == "yes"):
         return
@@ -85,13 +86,13 @@ def _check_unique(core: Core, table: Table, unique: Unique, values: Mapping[str,
                 raise Trap(unique.words)
 
 
-def _key(table: Table, unique: Unique, values: Mapping[str, str]) -> list[str | None]:
+def _key(table: Table, unique: menus.Unique, values: Mapping[str, str]) -> list[str | None]:
     return [values.get(name, table.menu.by_name[name].default) for name in unique.arguments]
 
 
 def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
     """Refuse a word that this version does not have any more, or not yet."""
-    for name, words in OLD_WORDS.get(menu, {}).items():
+    for name, words in menus.OLD_WORDS.get(menu, {}).items():
         given_words = set(values.get(name, "").split(",")) - {""}
         is_renamed = core.schema.at_least(words.until)
         if (is_renamed and given_words & set(words.old)) or (
@@ -103,13 +104,13 @@ def _check_words(core: Core, menu: str, values: Mapping[str, str]) -> None:
 def _check_mode(core: Core, table: Table, values: Mapping[str, str], item: StoredItem | None) -> None:
     feature = table.menu.feature
     if feature and _switches_on(table, values, item):
-        if not is_allowed(core.spec, feature):
-            raise Trap(NOT_ALLOWED)
-        if core.spec.device_mode.is_flagged and feature in SUSPICIOUS:
-            raise Trap(FLAGGED_MESSAGE)
+        if not access.is_allowed(core.spec, feature):
+            raise Trap(access.NOT_ALLOWED)
+        if core.spec.device_mode.is_flagged and feature in access.SUSPICIOUS:
+            raise Trap(access.FLAGGED_MESSAGE)
     is_flagged = core.spec.device_mode.is_flagged and values.get("disabled") != "yes"
     if table.menu.path == "/system/scheduler" and is_flagged:
-        raise Trap(FLAGGED_MESSAGE)
+        raise Trap(access.FLAGGED_MESSAGE)
 
 
 def _switches_on(table: Table, values: Mapping[str, str], item: StoredItem | None) -> bool:
@@ -237,7 +238,7 @@ def _user(core: Core, values: Mapping[str, str], item: StoredItem | None) -> Non
 
 
 def _ssh_key(core: Core, values: Mapping[str, str], _item: StoredItem | None) -> None:
-    if public_key(core, values.get("key", "")) is None:
+    if access.public_key(core, values.get("key", "")) is None:
         raise Trap(BAD_KEY)
 
 
@@ -293,7 +294,7 @@ def record_change(core: Core, call: Call, item: StoredItem, before: Mapping[str,
     """Record that a row was set."""
     table = core.store.table(call.menu)
     names = sorted(name for name in {*before, *item.values} if before.get(name) != item.values.get(name))
-    target = None if table.menu.shape is Shape.SETTINGS else id_text(item.id)
+    target = None if table.menu.shape is menus.Shape.SETTINGS else id_text(item.id)
     undo, redo = (
         Statement(call.menu, "set", _values(core, table, names, values), target=target)
         for values in (before, item.values)

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros import certificates
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.certificates import TLS_CRYPT_SINCE, OvpnError, read_ovpn
 from atlantis_netcfg.emulator.routeros.commands import _checks
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check, complete, no_such_item, unknown
 from atlantis_netcfg.emulator.routeros.commands.write import find_item
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.values import BadValue, reference
@@ -38,7 +36,7 @@ def sign(core: Core, call: Call) -> CallResult:
     _check_arguments(core, call)
     selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
     if selector is None:
-        raise MissingArgument("number")
+        raise _checks.MissingArgument("number")
     item = _row(core, call, selector)
     if item.id in core.keys:
         raise Trap("failure: certificate already signed")
@@ -67,10 +65,10 @@ def import_certificate(core: Core, call: Call) -> CallResult:
     _check_arguments(core, call)
     name = call.arguments.get("file-name")
     if name is None:
-        raise MissingArgument("file-name")
+        raise _checks.MissingArgument("file-name")
     file = core.files.get(name)
     if file is None:
-        raise no_such_item()
+        raise _checks.no_such_item()
     stem = call.arguments.get("name", name)
     trust = call.arguments.get("trusted", "yes")
     try:
@@ -119,7 +117,7 @@ def _certificate_ids(core: Core) -> list[int]:
 def _row(core: Core, call: Call, selector: str) -> StoredItem:
     item = find_item(core, core.store.table(_MENU), selector, console=call.console)
     if item is None:
-        raise no_such_item()
+        raise _checks.no_such_item()
     return item
 
 
@@ -127,7 +125,7 @@ def _check_arguments(core: Core, call: Call) -> None:
     allowed_names = core.schema.arguments(call.menu, call.command) | {*_SELECTORS}
     for name in call.arguments:
         if name not in allowed_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
 
 
 _CLIENTS = "/interface/ovpn-client"
@@ -141,22 +139,24 @@ def import_profile(core: Core, call: Call) -> CallResult:
     """
     name = call.arguments.get("file-name")
     if name is None:
-        raise MissingArgument("file-name")
+        raise _checks.MissingArgument("file-name")
     if name not in core.files:
-        raise no_such_item()
+        raise _checks.no_such_item()
     if not call.arguments.get("ovpn-user"):
-        raise MissingArgument("ovpn-user")
+        raise _checks.MissingArgument("ovpn-user")
     try:
-        read = read_ovpn(core.files[name].contents, wraps=core.schema.at_least(TLS_CRYPT_SINCE))
-    except OvpnError as refused:
+        read = certificates.read_ovpn(
+            core.files[name].contents, wraps=core.schema.at_least(certificates.TLS_CRYPT_SINCE)
+        )
+    except certificates.OvpnError as refused:
         raise Trap(f"failure: {refused}") from refused
     stem = _stem(core)
     account = {"name": stem, "user": call.arguments["ovpn-user"], "password": call.arguments.get("ovpn-password", "")}
     values = {**_parse_values(core, {**read.values, **account}), "disabled": "yes"}
-    check(core, _CLIENTS, values, None)
+    _checks.check(core, _CLIENTS, values, None)
     if call.arguments.get("skip-cert-import", "no") not in _TRUE and read.certificates:
         _certificates(core, read.certificates, stem, values)
-    complete(core, _CLIENTS, values)
+    _checks.complete(core, _CLIENTS, values)
     item = core.store.insert(_CLIENTS, values)
     if read.wrap is not None:
         core.wraps[item.id] = read.wrap

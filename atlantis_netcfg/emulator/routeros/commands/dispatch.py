@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.access import COMMANDS, NOT_ALLOWED, is_allowed
+from atlantis_netcfg.emulator.routeros import access
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import certificate, files, lte, radio, read, system, write
 from atlantis_netcfg.emulator.routeros.commands._checks import unknown
@@ -84,9 +84,9 @@ def dispatch(core: Core, call: Call) -> CallResult:
     is_missing = call.path == "/tool/ping" and core.deviates(Deviation.NO_PING)
     if is_missing or not core.schema.has_command(call.menu, call.command):
         raise Trap("no such command", Category.MISSING)
-    feature = COMMANDS.get(call.path)
-    if feature is not None and not is_allowed(core.spec, feature):
-        raise Trap(NOT_ALLOWED)
+    feature = access.COMMANDS.get(call.path)
+    if feature is not None and not access.is_allowed(core.spec, feature):
+        raise Trap(access.NOT_ALLOWED)
     handler, policy = _handler(core, call)
     _permit(core, call, policy)
     return handler(core, call)

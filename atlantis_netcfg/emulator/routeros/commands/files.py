@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 
-from atlantis_netcfg.emulator.routeros.answers import DISK_FULL, Category, Trap
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros import answers
+from atlantis_netcfg.emulator.routeros.commands import _checks
+from atlantis_netcfg.emulator.routeros.console import run
 from atlantis_netcfg.emulator.routeros.console.export import Form, export_text
-from atlantis_netcfg.emulator.routeros.console.run import check_syntax, run_file, run_script
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, FlashFile
 from atlantis_netcfg.emulator.routeros.spec import Deviation, Execute
 from atlantis_netcfg.emulator.routeros.values import id_text
@@ -21,12 +21,12 @@ _TRUE = ("", "yes", "true")
 def _arguments(core: Core, call: Call) -> None:
     for name in (*call.arguments, *call.unset):
         if name not in core.schema.arguments(call.menu, call.command) | {".id"}:
-            raise unknown(name)
+            raise _checks.unknown(name)
 
 
 def _require_argument(call: Call, name: str) -> str:
     if name not in call.arguments:
-        raise MissingArgument(name)
+        raise _checks.MissingArgument(name)
     return call.arguments[name]
 
 
@@ -35,12 +35,12 @@ def _find_file_name(core: Core, text: str) -> str:
     for name, file in core.files.items():
         if text in (name, id_text(file.number)):
             return name
-    raise no_such_item()
+    raise _checks.no_such_item()
 
 
 def _write(core: Core, name: str, contents: str) -> FlashFile:
     if len(contents) > core.free_space(besides=name):
-        raise Trap(DISK_FULL)
+        raise answers.Trap(answers.DISK_FULL)
     number = core.files[name].number if name in core.files else core.number()
     core.files[name] = FlashFile(number, contents, core.stamp())
     return core.files[name]
@@ -51,21 +51,21 @@ def add(core: Core, call: Call) -> CallResult:
     _arguments(core, call)
     name = _require_argument(call, "name")
     if name in core.files:
-        raise Trap("failure: file already exists")
+        raise answers.Trap("failure: file already exists")
     return CallResult(ret=id_text(_write(core, name, _contents(call)).number))
 
 
 def _contents(call: Call) -> str:
     contents = call.arguments.get("contents", "")
     if len(contents.encode(errors="surrogateescape")) > _MOST_CONTENTS:
-        raise Trap("invalid value for argument contents", Category.ARGUMENT)
+        raise answers.Trap("invalid value for argument contents", answers.Category.ARGUMENT)
     return contents
 
 
 def _targets(core: Core, call: Call) -> list[str]:
     selector = call.arguments.get(".id") or call.arguments.get("numbers")
     if selector is None:
-        raise MissingArgument(".id")
+        raise _checks.MissingArgument(".id")
     return [_find_file_name(core, part) for part in selector.split(",")]
 
 
@@ -94,14 +94,14 @@ def read(core: Core, call: Call) -> CallResult:
     data = core.files[_find_file_name(core, _require_argument(call, "file"))].contents.encode(errors="surrogateescape")
     offset, size = _number(call, "offset", 0), _number(call, "chunk-size", _MOST_CHUNK)
     if not 1 <= size <= _MOST_CHUNK:
-        raise Trap(f"value of chunk-size out of range (1..{_MOST_CHUNK})", Category.ARGUMENT)
+        raise answers.Trap(f"value of chunk-size out of range (1..{_MOST_CHUNK})", answers.Category.ARGUMENT)
     return CallResult(rows=[{"data": data[offset : offset + size].decode(errors="surrogateescape")}])
 
 
 def _number(call: Call, name: str, default: int) -> int:
     text = call.arguments.get(name, str(default))
     if not text.isdecimal():
-        raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)
+        raise answers.Trap(f"invalid value for argument {name}", answers.Category.ARGUMENT)
     return int(text)
 
 
@@ -112,7 +112,7 @@ def export(core: Core, call: Call) -> CallResult:
     """
     _arguments(core, call)
     if "where" in call.arguments:
-        raise Trap(f"not rehearsed by the twin: {call.path} where")
+        raise answers.Trap(f"not rehearsed by the twin: {call.path} where")
     show_sensitive = "show-sensitive" in call.arguments or not (
         core.schema.at_least("7.0") or "hide-sensitive" in call.arguments
     )
@@ -136,11 +136,11 @@ def import_(core: Core, call: Call) -> CallResult:
     first = _number(call, "from-line", 1)
     text = "\n".join(text.split("\n")[first - 1 :])
     if call.arguments.get("dry-run", "no") in _TRUE:
-        error = check_syntax(core, text)
+        error = run.check_syntax(core, text)
     else:
-        error = run_file(core, call.caller, text).error
+        error = run.run_file(core, call.caller, text).error
     if error is not None:
-        raise Trap(error, Category.SCRIPTING)
+        raise answers.Trap(error, answers.Category.SCRIPTING)
     return CallResult(text="Script file loaded and executed successfully")
 
 
@@ -148,12 +148,12 @@ def execute(core: Core, call: Call) -> CallResult:
     """Run a script; with `as-string` wait for it and return what it printed, else return its job's id."""
     _arguments(core, call)
     if core.spec.execute is Execute.NONE:
-        raise Trap("no such command", Category.MISSING)
+        raise answers.Trap("no such command", answers.Category.MISSING)
     script = _require_argument(call, "script")
     if len(script.encode(errors="surrogateescape")) > _MOST_SCRIPT:
-        raise Trap("invalid value for argument script", Category.ARGUMENT)
+        raise answers.Trap("invalid value for argument script", answers.Category.ARGUMENT)
     entries = len(core.history.entries)
-    outcome = run_script(core, call.caller, script)
+    outcome = run.run_script(core, call.caller, script)
     if core.deviates(Deviation.SCRIPT_ENTRIES):
         core.history.join(entries)
     if core.deviates(Deviation.SCRIPT_STAYS):
@@ -165,7 +165,7 @@ def execute(core: Core, call: Call) -> CallResult:
             core.note("script,error", outcome.error)
         return CallResult(ret=id_text(core.number()))
     if outcome.error is not None and core.spec.execute is Execute.TRAP:
-        raise Trap(outcome.error, Category.SCRIPTING)
+        raise answers.Trap(outcome.error, answers.Category.SCRIPTING)
     return CallResult(ret=outcome.as_string)
 
 

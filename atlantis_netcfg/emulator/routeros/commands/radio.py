@@ -10,11 +10,10 @@ import re
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Trap
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
+from atlantis_netcfg.emulator.routeros.radio import _read, _settings
 from atlantis_netcfg.emulator.routeros.radio._law import why_silent
-from atlantis_netcfg.emulator.routeros.radio._read import LEGACY, WIFI, inherited_values, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import NOISE_DBM, Air, Driver, Peer, RadioSettings, RadioState
 from atlantis_netcfg.emulator.routeros.values import id_text, interval
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.store import StoredItem, Table
 
 _Row = dict[str, str]
-_ALONE = RadioState("searching-for-network")
+_ALONE = _settings.RadioState("searching-for-network")
 _SELECTORS = (".id", "numbers")
 
 
@@ -32,21 +31,21 @@ def monitor(core: Core, call: Call) -> CallResult:
     """`monitor <radio> once`."""
     for name in call.arguments:
         if name not in (*_SELECTORS, "once", "proplist", ".proplist"):
-            raise unknown(name)
+            raise _checks.unknown(name)
     selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
     if selector is None:
-        raise MissingArgument("numbers")
+        raise _checks.MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
     radios = [(item, mine) for item, mine in _radios(core, call.menu) if selector in _names(core, call.menu, item)]
     if not radios:
-        raise no_such_item()
+        raise _checks.no_such_item()
     return CallResult(rows=[_MONITORS[call.menu](core, *radio) for radio in radios])
 
 
-def _radios(core: Core, menu: str) -> Iterator[tuple[StoredItem, RadioSettings]]:
+def _radios(core: Core, menu: str) -> Iterator[tuple[StoredItem, _settings.RadioSettings]]:
     for item in core.store.table(menu).items:
-        if item.factory is not None and (mine := settings_of(core, item.factory["name"])) is not None:
+        if item.factory is not None and (mine := _read.settings_of(core, item.factory["name"])) is not None:
             yield item, mine
 
 
@@ -54,14 +53,14 @@ def _names(core: Core, menu: str, item: StoredItem) -> tuple[str, ...]:
     return id_text(item.id), core.store.text(core.store.table(menu), item, "name") or ""
 
 
-def _state(core: Core, item: StoredItem, mine: RadioSettings) -> RadioState:
+def _state(core: Core, item: StoredItem, mine: _settings.RadioSettings) -> _settings.RadioState:
     """Return what a radio sees; where nobody emulates the air, it is alone."""
     name = (item.factory or {})["name"]
-    alone = RadioState("running-ap") if mine.is_ap else _ALONE
-    return core.radios.get(name, alone) if mine.is_enabled else RadioState("disabled")
+    alone = _settings.RadioState("running-ap") if mine.is_ap else _ALONE
+    return core.radios.get(name, alone) if mine.is_enabled else _settings.RadioState("disabled")
 
 
-def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
+def _legacy(core: Core, item: StoredItem, mine: _settings.RadioSettings) -> _Row:
     state = _state(core, item, mine)
     row = {"status": state.status}
     peer = state.peer
@@ -69,7 +68,7 @@ def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
         channel = mine.channel_mhz if peer is None else peer.channel_mhz
         row["channel"] = f"{channel}/{mine.width.removesuffix('mhz')}/{'an' if 'n' in mine.band else 'a'}"
         row["wireless-protocol"] = mine.speaks if peer is None or mine.is_ap else peer.settings.speaks
-        row["noise-floor"] = str(NOISE_DBM)
+        row["noise-floor"] = str(_settings.NOISE_DBM)
     if mine.is_ap and state.status == "running-ap":
         clients = str(len(_stations(core, mine)) + (peer is not None))
         return row | {"registered-clients": clients, "authenticated-clients": clients, "overall-tx-ccq": "90"}
@@ -81,7 +80,7 @@ def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
         "radio-name": peer.settings.radio_name,
         "signal-strength": f"{peer.signal_dbm:.0f}",
         "tx-signal-strength": f"{peer.theirs_dbm:.0f}",
-        "signal-to-noise": f"{peer.signal_dbm - NOISE_DBM:.0f}",
+        "signal-to-noise": f"{peer.signal_dbm - _settings.NOISE_DBM:.0f}",
         "tx-rate": "130Mbps-20MHz/2S",
         "rx-rate": "130Mbps-20MHz/2S",
         "tx-ccq": "90",
@@ -90,7 +89,7 @@ def _legacy(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
     }
 
 
-def _wifi(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
+def _wifi(core: Core, item: StoredItem, mine: _settings.RadioSettings) -> _Row:
     state = _state(core, item, mine)
     words = {"running-ap": "running", "connected-to-ess": "connected", "searching-for-network": "searching"}
     row = {"state": words.get(state.status, state.status)}
@@ -104,7 +103,7 @@ def _wifi(core: Core, item: StoredItem, mine: RadioSettings) -> _Row:
     return row
 
 
-_MONITORS = {LEGACY: _legacy, WIFI: _wifi}
+_MONITORS = {_read.LEGACY: _legacy, _read.WIFI: _wifi}
 
 
 def registrations(core: Core, call: Call) -> list[_Row]:
@@ -118,11 +117,11 @@ def registrations(core: Core, call: Call) -> list[_Row]:
     return [{".id": id_text(number), **row} for number, row in enumerate(rows, start=1)]
 
 
-def _stations(core: Core, mine: RadioSettings) -> list[NearbyStation]:
+def _stations(core: Core, mine: _settings.RadioSettings) -> list[NearbyStation]:
     """Clients around the router that a radio serves. How long it listens for radar before is not emulated for them."""
-    if not (mine.is_enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, Air()):
+    if not (mine.is_enabled and mine.is_ap and mine.speaks == "802.11") or why_silent(mine, _settings.Air()):
         return []
-    keys = {part.partition("=")[2] if mine.driver is Driver.WIRELESS else part for part in _passphrases(mine)}
+    keys = {part.partition("=")[2] if mine.driver is _settings.Driver.WIRELESS else part for part in _passphrases(mine)}
     return [
         station
         for station in core.spec.around.stations
@@ -132,28 +131,30 @@ def _stations(core: Core, mine: RadioSettings) -> list[NearbyStation]:
     ]
 
 
-def _passphrases(mine: RadioSettings) -> list[str]:
+def _passphrases(mine: _settings.RadioSettings) -> list[str]:
     """By the older driver one for each way of authentication; a passphrase may have a comma in it."""
-    if mine.driver is Driver.WIFI or not mine.authentication:
+    if mine.driver is _settings.Driver.WIFI or not mine.authentication:
         return [mine.passphrase] if mine.authentication else [""]
     kinds = "|".join(map(re.escape, sorted(mine.authentication)))
     return re.split(rf",(?=(?:{kinds})=)", mine.passphrase)
 
 
-def _of_station(menu: str, interface: str, mine: RadioSettings, station: NearbyStation) -> _Row:
+def _of_station(menu: str, interface: str, mine: _settings.RadioSettings, station: NearbyStation) -> _Row:
     kind = min(mine.authentication, default="none")
     row = {"interface": interface, "mac-address": station.mac.upper(), "uptime": "10m", "last-activity": "0ms"}
-    if menu == WIFI:
+    if menu == _read.WIFI:
         rate = {"tx-rate": "286.8Mbps-20MHz/2S", "rx-rate": "286.8Mbps-20MHz/2S"}
         radio_values = {"ssid": mine.ssid, "signal": f"{station.signal_dbm:.0f}", "auth-type": kind}
         return {**row, **radio_values, "band": mine.band or "5ghz-ax", **rate, "authorized": "true"}
     level = {"signal-strength": f"{station.signal_dbm:.0f}dBm@6Mbps"}
-    level |= {"signal-to-noise": f"{station.signal_dbm - NOISE_DBM:.0f}", "authentication-type": kind}
+    level |= {"signal-to-noise": f"{station.signal_dbm - _settings.NOISE_DBM:.0f}", "authentication-type": kind}
     rate = {"rx-rate": "130Mbps-20MHz/2S", "tx-rate": "130Mbps-20MHz/2S", "802.1x-port-enabled": "true"}
     return {**row, "ap": "false", "wds": "false", "bridge": "false", **rate, **level}
 
 
-def _legacy_registration(core: Core, menu: str, item: StoredItem, mine: RadioSettings, peer: Peer) -> _Row:
+def _legacy_registration(
+    core: Core, menu: str, item: StoredItem, mine: _settings.RadioSettings, peer: _settings.Peer
+) -> _Row:
     protocol = mine.speaks if mine.is_ap else peer.settings.speaks
     row = {
         "interface": _names(core, menu, item)[1],
@@ -167,7 +168,7 @@ def _legacy_registration(core: Core, menu: str, item: StoredItem, mine: RadioSet
         "uptime": _uptime(core, peer),
         "last-activity": "0ms",
         "signal-strength": f"{peer.signal_dbm:.0f}dBm@6Mbps",
-        "signal-to-noise": f"{peer.signal_dbm - NOISE_DBM:.0f}",
+        "signal-to-noise": f"{peer.signal_dbm - _settings.NOISE_DBM:.0f}",
         "tx-signal-strength": f"{peer.theirs_dbm:.0f}",
         "tx-ccq": "90",
         "rx-ccq": "90",
@@ -183,7 +184,9 @@ def _legacy_registration(core: Core, menu: str, item: StoredItem, mine: RadioSet
     return row
 
 
-def _wifi_registration(core: Core, menu: str, item: StoredItem, mine: RadioSettings, peer: Peer) -> _Row:
+def _wifi_registration(
+    core: Core, menu: str, item: StoredItem, mine: _settings.RadioSettings, peer: _settings.Peer
+) -> _Row:
     band = (mine if mine.is_ap else peer.settings).band or "5ghz-ax"
     return {
         "interface": _names(core, menu, item)[1],
@@ -200,16 +203,16 @@ def _wifi_registration(core: Core, menu: str, item: StoredItem, mine: RadioSetti
     }
 
 
-def _uptime(core: Core, peer: Peer) -> str:
+def _uptime(core: Core, peer: _settings.Peer) -> str:
     return interval(max(0, int(core.now() - max(peer.since, core.started))))
 
 
-_REGISTRATIONS = {LEGACY: _legacy_registration, WIFI: _wifi_registration}
+_REGISTRATIONS = {_read.LEGACY: _legacy_registration, _read.WIFI: _wifi_registration}
 
 
 def amounting(core: Core, menu: str, rows: list[_Row]) -> list[_Row]:
     """Add what rows of the newer driver inherit: plain `print` shows it, `print config` does not (Manual, WiFi)."""
-    if menu not in (WIFI, f"{WIFI}/configuration"):
+    if menu not in (_read.WIFI, f"{_read.WIFI}/configuration"):
         return rows
     table = core.store.table(menu)
     return [_with_inherited(core, table, row) for row in rows]
@@ -220,8 +223,8 @@ def _with_inherited(core: Core, table: Table, row: _Row) -> _Row:
     if item is None:
         return row
     local = {
-        name.removeprefix("configuration.") if table.menu.path != WIFI else name: value
-        for name, value in inherited_values(core.store, table, item).items()
+        name.removeprefix("configuration.") if table.menu.path != _read.WIFI else name: value
+        for name, value in _read.inherited_values(core.store, table, item).items()
         if value is not None
     }
     texts = {name: table.args[name].kind.show(value) for name, value in local.items() if name in table.args}

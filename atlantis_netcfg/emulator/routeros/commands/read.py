@@ -9,31 +9,19 @@ Docs/findings-cli.md).
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros import answers
+from atlantis_netcfg.emulator.routeros.commands import _checks
 from atlantis_netcfg.emulator.routeros.commands._computed import COMPUTED_MENUS
 from atlantis_netcfg.emulator.routeros.commands.radio import amounting
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
+from atlantis_netcfg.emulator.routeros.modem import settle
 from atlantis_netcfg.emulator.routeros.schema import offered_values
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.views import rows, without_counters
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-from typing import TYPE_CHECKING
-
-from atlantis_netcfg.emulator.routeros.answers import Answer
-from atlantis_netcfg.emulator.routeros.modem import settle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -76,7 +64,7 @@ def _less(local: str, other: str, *, greater: bool, orders_texts: bool) -> bool:
 def _operate(text: str, stack: list[bool]) -> None:
     operations = _OPERATIONS.findall(text)
     if not operations or "".join(operations) != text:
-        raise Trap("invalid query")
+        raise answers.Trap("invalid query")
     for operation in operations:
         _apply(operation, stack)
 
@@ -138,9 +126,9 @@ def print_(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, "print") | {".proplist"}
     for name in (*call.arguments, *call.unset):
         if name not in argument_names and not (name in ("stats", "detail") and call.menu in COMPUTED_MENUS):
-            raise unknown(name)
+            raise _checks.unknown(name)
         if name not in _ANY:
-            raise Trap(f"not rehearsed by the twin: {call.path} {name}")
+            raise answers.Trap(f"not rehearsed by the twin: {call.path} {name}")
     orders = not core.deviates(Deviation.QUERY_ORDER)
     selected_rows = [row for row in all_rows(core, call) if matches(call.queries, row, orders_texts=orders)]
     if "count-only" in call.arguments and not core.deviates(Deviation.COUNTS):
@@ -153,7 +141,7 @@ def print_(core: Core, call: Call) -> CallResult:
         there = {".id", *args, *(name for row in selected_rows for name in row)}
         absent = next((name for name in proplist if name not in there), None)
         if absent is not None and core.deviates(Deviation.PROPERTIES):
-            raise unknown(absent)
+            raise _checks.unknown(absent)
         selected_rows = [{name: row[name] for name in proplist if name in row} for row in selected_rows]
     return CallResult(rows=selected_rows, listing=True)
 
@@ -174,8 +162,8 @@ def find(core: Core, call: Call) -> CallResult:
     """Return all ids of the menu, joined by `;`."""
     for name in call.arguments:
         if name not in core.schema.arguments(call.menu, "find"):
-            raise unknown(name)
-        raise Trap(f"not rehearsed by the twin: {call.path} {name}")
+            raise _checks.unknown(name)
+        raise answers.Trap(f"not rehearsed by the twin: {call.path} {name}")
     return CallResult(ret=";".join(row[".id"] for row in all_rows(core, call) if ".id" in row))
 
 
@@ -184,13 +172,13 @@ def get(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, "get") | {".id", "numbers"}
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     row = _row(core, call)
     value_name = call.arguments.get("value-name")
     if value_name is None:
         return CallResult(ret=";".join(f"{key}={value}" for key, value in row.items()))
     if value_name not in row and (call.menu in COMPUTED_MENUS or value_name not in core.store.table(call.menu).args):
-        raise Trap("input does not match any value of value-name", Category.ARGUMENT)
+        raise answers.Trap("input does not match any value of value-name", answers.Category.ARGUMENT)
     return CallResult(ret=row.get(value_name, ""))
 
 
@@ -200,12 +188,12 @@ def _row(core: Core, call: Call) -> dict[str, str]:
     if not any(".id" in row for row in menu_rows) and _is_settings(core, call.menu):
         return menu_rows[0]
     if number is None:
-        raise MissingArgument(".id" if not call.console else "number")
+        raise _checks.MissingArgument(".id" if not call.console else "number")
     name_property = core.store.table(call.menu).menu.name_property if call.menu not in COMPUTED_MENUS else "name"
     for row in menu_rows:
         if number in (row.get(".id"), row.get(name_property)):
             return row
-    raise no_such_item()
+    raise _checks.no_such_item()
 
 
 def _is_settings(core: Core, menu: str) -> bool:
@@ -222,7 +210,7 @@ def inspect(core: Core, call: Call) -> CallResult:
     requests: dict[str, Callable[[Core, Call], list[dict[str, str]]]] = {"child": _children, "completion": _offers}
     request = call.arguments.get("request", "")
     if request not in requests:
-        raise Trap(f"not rehearsed by the twin: {call.path} request={request}")
+        raise answers.Trap(f"not rehearsed by the twin: {call.path} request={request}")
     results = [row for row in requests[request](core, call) if matches(call.queries, row)]
     if not call.queries and core.deviates(Deviation.LISTS) and core.number() % 2:
         results = results[:-1]
@@ -327,4 +315,4 @@ def emit(core: Core) -> None:
         news = [row for number, row in now.items() if listener.shown_rows.get(number) != row]
         news += [{".id": number, ".dead": "true"} for number in listener.shown_rows if number not in now]
         listener.shown_rows = now
-        core.outbox += [(listener.caller.number, listener.tag, Answer.row(row)) for row in news]
+        core.outbox += [(listener.caller.number, listener.tag, answers.Answer.row(row)) for row in news]

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.access import FEATURES
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
-from atlantis_netcfg.emulator.routeros.commands import write
-from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, no_such_item, unknown
+from atlantis_netcfg.emulator.routeros.commands import _checks, write
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core, notify_holder_lost
 from atlantis_netcfg.emulator.routeros.environment import load_of
 from atlantis_netcfg.emulator.routeros.network.path import answers
@@ -43,9 +42,9 @@ def ping(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     if "address" not in call.arguments:
-        raise MissingArgument("address")
+        raise _checks.MissingArgument("address")
     target = _target(call.arguments["address"])
     count = call.arguments.get("count", "1")
     if not count.isdecimal() or int(count) < 1:
@@ -82,7 +81,7 @@ def _echoes(host: str, count: int, *, reachable: bool) -> list[dict[str, str]]:
 def log(core: Core, call: Call) -> CallResult:
     """Write a line to the log (`/log/info message=...`)."""
     if "message" not in call.arguments:
-        raise MissingArgument("message")
+        raise _checks.MissingArgument("message")
     core.note(f"script,{call.command}", call.arguments["message"])
     return CallResult()
 
@@ -92,7 +91,7 @@ def logout(core: Core, call: Call) -> CallResult:
     numbers = {f"*{number:X}": number for number in core.sessions}
     selector = call.arguments.get(".id") or call.arguments.get("numbers") or ""
     if selector not in numbers:
-        raise no_such_item()
+        raise _checks.no_such_item()
     core.ended.add(numbers[selector])
     return CallResult()
 
@@ -102,7 +101,7 @@ def update_mode(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, call.command)
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     mode = call.arguments.get("mode")
     if mode is not None and mode not in list(DeviceModeName):
         raise Trap("input does not match any value of mode", Category.ARGUMENT)
@@ -118,13 +117,13 @@ def interface(core: Core, call: Call) -> CallResult:
     """Change rows of `/interface` in the menu where they live."""
     selector = call.arguments.get(".id") or call.arguments.get("numbers")
     if selector is None:
-        raise MissingArgument(".id" if not call.console else "numbers")
+        raise _checks.MissingArgument(".id" if not call.console else "numbers")
     if call.command not in _ROW_COMMANDS:
         raise Trap(f"not rehearsed by the twin: {call.path}")
     argument_names = core.schema.arguments("/interface", call.command) | {".id"}
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     for part in selector.split(","):
         rest = {name: value for name, value in call.arguments.items() if name != "numbers"}
         _ROW_COMMANDS[call.command](core, replace(call, menu=_home(core, part), arguments=rest | {".id": part}))
@@ -135,7 +134,7 @@ def _home(core: Core, selector: str) -> str:
     for table in core.store.space_tables("interface"):
         if write.find_item(core, table, selector) is not None:
             return table.menu.path
-    raise no_such_item()
+    raise _checks.no_such_item()
 
 
 _ROW_COMMANDS = {
@@ -151,7 +150,7 @@ def poe(core: Core, call: Call) -> CallResult:
     argument_names = core.schema.arguments(call.menu, "set") | {".id"}
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     return write.set_(core, replace(call, menu="/interface/ethernet"))
 
 
@@ -175,10 +174,10 @@ def _monitored_ports(core: Core, call: Call) -> list[str]:
     argument_names = core.schema.arguments(call.menu, call.command) | {*_SELECTORS, ".proplist"}
     for name in call.arguments:
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
     selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
     if selector is None:
-        raise MissingArgument("numbers")
+        raise _checks.MissingArgument("numbers")
     if "once" not in call.arguments:
         raise Trap(f"not rehearsed by the twin: {call.path} without once")
     return selector.split(",")
@@ -191,7 +190,7 @@ def _port(core: Core, selector: str, ports: Collection[str]) -> StoredItem:
         there = (item.factory or {}).get("name") in ports
         if there and selector in {id_text(item.id), core.store.text(table, item, "name")}:
             return item
-    raise no_such_item()
+    raise _checks.no_such_item()
 
 
 def _link(core: Core, item: StoredItem) -> dict[str, str]:
@@ -213,7 +212,7 @@ def _row(core: Core, item: StoredItem) -> dict[str, str]:
 def _arguments(core: Core, call: Call) -> None:
     for name in (*call.arguments, *call.unset):
         if name not in core.schema.arguments(call.menu, call.command):
-            raise unknown(name)
+            raise _checks.unknown(name)
 
 
 def take(core: Core, call: Call) -> CallResult:

@@ -7,15 +7,6 @@ from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Category, Trap
 from atlantis_netcfg.emulator.routeros.commands import _checks
-from atlantis_netcfg.emulator.routeros.commands._checks import (
-    MissingArgument,
-    check,
-    check_known,
-    check_removal,
-    complete,
-    no_such_item,
-    unknown,
-)
 from atlantis_netcfg.emulator.routeros.core import Call, CallResult, Core
 from atlantis_netcfg.emulator.routeros.menus import Shape
 from atlantis_netcfg.emulator.routeros.schema import required_arguments
@@ -48,8 +39,8 @@ def add(core: Core, call: Call) -> CallResult:
     index = None
     if "place-before" in call.arguments:
         index = _index(core, call, table, call.arguments["place-before"])
-    complete(core, call.menu, values)
-    check(core, call.menu, values, None)
+    _checks.complete(core, call.menu, values)
+    _checks.check(core, call.menu, values, None)
     item = core.store.insert(call.menu, values, index)
     _expire(core, call.menu, item)
     _checks.record_addition(core, call, item)
@@ -66,7 +57,7 @@ def check_needed(core: Core, call: Call, values: Mapping[str, str]) -> None:
         names = tuple(arg.name for arg in table.args.values() if arg.is_required)
     lacking = [name for name in names if name in table.args and name not in values]
     if lacking:
-        raise MissingArgument(*lacking)
+        raise _checks.MissingArgument(*lacking)
 
 
 def _index(core: Core, call: Call, table: Table, selector: str) -> int:
@@ -99,10 +90,10 @@ def _set_one(core: Core, call: Call, item: StoredItem, change: Mapping[str, str]
     values = {name: value for name, value in {**item.values, **change}.items() if name not in set(unset)}
     if values == item.values:
         return
-    complete(core, call.menu, values, changed_names=frozenset(change))
+    _checks.complete(core, call.menu, values, changed_names=frozenset(change))
     if values == item.values:
         return
-    check(core, call.menu, values, item)
+    _checks.check(core, call.menu, values, item)
     before = dict(item.values)
     core.store.update(call.menu, item, values)
     if "name" in change and call.menu.startswith("/interface/") and core.deviates(Deviation.NAMES):
@@ -115,7 +106,7 @@ def unset(core: Core, call: Call) -> CallResult:
     _only(core, call, {"value-name"})
     table = core.store.table(call.menu)
     if "value-name" not in call.arguments:
-        raise MissingArgument("value-name")
+        raise _checks.MissingArgument("value-name")
     names = call.arguments["value-name"].split(",")
     for name in names:
         _check_unset(table, name)
@@ -149,7 +140,7 @@ def comment(core: Core, call: Call) -> CallResult:
     """Set a row's comment; an empty one takes it away."""
     _only(core, call, {"comment"})
     if "comment" not in call.arguments:
-        raise MissingArgument("comment")
+        raise _checks.MissingArgument("comment")
     items = _selected_items(core, call, core.store.table(call.menu))
     _may_change(items)
     text = call.arguments["comment"]
@@ -167,7 +158,7 @@ def remove(core: Core, call: Call) -> CallResult:
     for item in items:
         if item.factory is not None:
             raise Trap("failure: cannot remove builtin")
-        check_removal(core, call.menu, item)
+        _checks.check_removal(core, call.menu, item)
     for item in items:
         _checks.remove_row(core, call, item)
     return CallResult()
@@ -205,7 +196,7 @@ def _only(core: Core, call: Call, names: set[str]) -> None:
     argument_names = core.schema.arguments(call.menu, call.command) | names | set(_SELECTORS)
     for name in (*call.arguments, *call.unset):
         if name not in argument_names:
-            raise unknown(name)
+            raise _checks.unknown(name)
 
 
 def _selected_items(core: Core, call: Call, table: Table) -> list[StoredItem]:
@@ -217,7 +208,7 @@ def _selected_items(core: Core, call: Call, table: Table) -> list[StoredItem]:
         return table.items[:1]
     selector = next((call.arguments[name] for name in _SELECTORS if name in call.arguments), None)
     if selector is None:
-        raise MissingArgument(".id" if not call.console else "numbers")
+        raise _checks.MissingArgument(".id" if not call.console else "numbers")
     items = [_item(core, call, table, part) for part in selector.split(",") if part]
     return list({item.id: item for item in items}.values())
 
@@ -227,8 +218,8 @@ def _item(core: Core, call: Call, table: Table, selector: str) -> StoredItem:
     if item is None:
         if any(row[".id"] == selector for row in made_rows(core, call.menu)):
             raise Trap(_BUILTIN)
-        check_known(core, call.menu)
-        raise no_such_item()
+        _checks.check_known(core, call.menu)
+        raise _checks.no_such_item()
     return item
 
 
@@ -270,14 +261,14 @@ def _parse_arguments(core: Core, table: Table, call: Call, argument_names: Itera
         if call.command != "add" and _selects(table, name):
             continue
         if name not in names or _fixed_name(table, name):
-            raise unknown(name)
+            raise _checks.unknown(name)
         if name == "comment" and not text:
             call.unset = (*call.unset, name)
         elif name not in _PLACEMENT:
             values[name] = _parse_value(core, table, name, text)
     for name in call.unset:
         if name not in names:
-            raise unknown(name)
+            raise _checks.unknown(name)
         _check_unset(table, name)
     return values
 
@@ -303,6 +294,6 @@ def _check_unset(table: Table, name: str) -> None:
     """Only what may be absent can be unset; in the menus of the routing process that is everything but the name."""
     arg = table.args.get(name)
     if arg is None:
-        raise unknown(name)
+        raise _checks.unknown(name)
     if arg.is_required or (arg.default is not None and not table.menu.sparse):
         raise Trap(f"invalid value for argument {name}", Category.ARGUMENT)

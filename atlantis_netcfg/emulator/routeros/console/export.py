@@ -6,11 +6,11 @@ import hashlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros import menus
 from atlantis_netcfg.emulator.routeros.access import INACTIVE, is_allowed
-from atlantis_netcfg.emulator.routeros.menus import EXPORT_ORDER, Arg, Select, Shape
 from atlantis_netcfg.emulator.routeros.values import FlagValue, id_text, references, spell
 from atlantis_netcfg.emulator.routeros.views import applies, factory_value
-from atlantis_netcfg.routeros.rsc import Export, Statement, print_export, print_statement
+from atlantis_netcfg.routeros import rsc
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,8 +40,8 @@ def export_text(core: Core, menu: str, form: Form) -> str:
     )
     top = header(core) if form.header else ()
     if not form.terse:
-        return print_export(Export(top, statements))
-    lines = [f"# {line}".rstrip() for line in top] + [print_statement(item, path=True) for item in statements]
+        return rsc.print_export(rsc.Export(top, statements))
+    lines = [f"# {line}".rstrip() for line in top] + [rsc.print_statement(item, path=True) for item in statements]
     return "".join(f"{line}\n" for line in lines)
 
 
@@ -62,7 +62,7 @@ def header(core: Core) -> tuple[str, ...]:
 def _paths(core: Core, menu: str) -> list[str]:
     exported_paths = [path for path, table in core.store.tables.items() if table.menu.is_exported]
     selected_paths = [path for path in exported_paths if menu in ("/", path) or path.startswith(f"{menu}/")]
-    places = {path: place for place, path in enumerate(EXPORT_ORDER)}
+    places = {path: place for place, path in enumerate(menus.EXPORT_ORDER)}
     usual = sorted(selected_paths, key=lambda path: (places.get(path, _place(core, path)), path in places, path))
     return _after_what_they_name(core, usual)
 
@@ -106,10 +106,10 @@ def _referenced_menus(core: Core, table: Table) -> set[str]:
 def _place(core: Core, path: str) -> int:
     """Place a menu that the table does not model: interfaces before what names them, all others last."""
     interfaces = core.store.table(path).menu.space == "interface"
-    return EXPORT_ORDER.index("/ip/pool") if interfaces else len(EXPORT_ORDER)
+    return menus.EXPORT_ORDER.index("/ip/pool") if interfaces else len(menus.EXPORT_ORDER)
 
 
-def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterator[Statement]:
+def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterator[rsc.Statement]:
     if not core.schema.has_menu(path):
         return
     table = core.store.table(path)
@@ -117,24 +117,24 @@ def _section(core: Core, path: str, *, verbose: bool, sensitive: bool) -> Iterat
         if item.dynamic:
             continue
         values = tuple(_values(core, table, item, verbose=verbose, sensitive=sensitive))
-        if item.factory is None and table.menu.shape is Shape.LIST:
-            yield Statement(path, "add", values, comments=_comments(core, path))
+        if item.factory is None and table.menu.shape is menus.Shape.LIST:
+            yield rsc.Statement(path, "add", values, comments=_comments(core, path))
         elif values:
             yield _set(core, table, item, position, values)
 
 
-def _set(core: Core, table: Table, item: StoredItem, position: int, values: Values) -> Statement:
+def _set(core: Core, table: Table, item: StoredItem, position: int, values: Values) -> rsc.Statement:
     path, factory = table.menu.path, item.factory or {}
-    if table.menu.shape is Shape.SETTINGS:
-        return Statement(path, "set", values)
+    if table.menu.shape is menus.Shape.SETTINGS:
+        return rsc.Statement(path, "set", values)
     select = table.menu.select
-    if select is Select.DEFAULT_NAME:
-        return Statement(path, "set", values, find=(("default-name", factory["name"]),))
-    if select is Select.FIND_NAME:
-        return Statement(path, "set", values, find=(("name", factory["name"]),))
-    if select is Select.NAME:
-        return Statement(path, "set", values, target=core.store.text(table, item, table.menu.name_property))
-    return Statement(path, "set", values, target=str(position) if item.factory is not None else id_text(item.id))
+    if select is menus.Select.DEFAULT_NAME:
+        return rsc.Statement(path, "set", values, find=(("default-name", factory["name"]),))
+    if select is menus.Select.FIND_NAME:
+        return rsc.Statement(path, "set", values, find=(("name", factory["name"]),))
+    if select is menus.Select.NAME:
+        return rsc.Statement(path, "set", values, target=core.store.text(table, item, table.menu.name_property))
+    return rsc.Statement(path, "set", values, target=str(position) if item.factory is not None else id_text(item.id))
 
 
 def _comments(core: Core, path: str) -> tuple[str, ...]:
@@ -156,15 +156,15 @@ def _values(
             yield from _argument_pairs(arg, value, item)
 
 
-def _differs(table: Table, item: StoredItem, arg: Arg, value: str | None) -> bool:
+def _differs(table: Table, item: StoredItem, arg: menus.Arg, value: str | None) -> bool:
     if table.menu.sparse and item.factory is None:
         return arg.name in item.values
     always = arg.always and item.factory is None and value is not None
-    usual = arg.default if table.menu.shape is Shape.SETTINGS else factory_value(item, arg)
+    usual = arg.default if table.menu.shape is menus.Shape.SETTINGS else factory_value(item, arg)
     return always or value != usual
 
 
-def _argument_pairs(arg: Arg, value: str | None, item: StoredItem) -> Iterator[tuple[str, str | None]]:
+def _argument_pairs(arg: menus.Arg, value: str | None, item: StoredItem) -> Iterator[tuple[str, str | None]]:
     if value is not None:
         yield arg.name, arg.kind.export(value)
     elif arg.name == "comment":

@@ -12,26 +12,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from atlantis_netcfg.emulator.routeros.answers import Caller, Trap
+from atlantis_netcfg.emulator.routeros.commands import read
 from atlantis_netcfg.emulator.routeros.commands._checks import MissingArgument, check_known
-from atlantis_netcfg.emulator.routeros.commands.read import Where, all_rows, fits, select
-from atlantis_netcfg.emulator.routeros.console._parse import (
-    ConsoleError,
-    DoOnError,
-    Each,
-    Failure,
-    Find,
-    IfStatement,
-    LocalVariable,
-    MenuCommand,
-    Parse,
-    Parser,
-    Put,
-    Statement,
-    Template,
-    TextPart,
-    Variable,
-)
-from atlantis_netcfg.emulator.routeros.console.people import PrintView, as_value_rows, render_print, render_report
+from atlantis_netcfg.emulator.routeros.console import _parse, people
 from atlantis_netcfg.emulator.routeros.core import Call, Core
 from atlantis_netcfg.emulator.routeros.spec import Deviation
 from atlantis_netcfg.emulator.routeros.values import seconds
@@ -93,8 +76,8 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     """Parse all of it, then run it; `variables` are what the script may read as `$name`."""
     outcome = ScriptOutcome()
     try:
-        statements = core.script_cache.get(script) or list(Parser(core, TextPart(script)).statements())
-    except ConsoleError as error:
+        statements = core.script_cache.get(script) or list(_parse.Parser(core, _parse.TextPart(script)).statements())
+    except _parse.ConsoleError as error:
         outcome.error = _refusal_words(core, str(error))
         return outcome
     if len(core.script_cache) >= _PARSED_SCRIPTS:
@@ -106,7 +89,7 @@ def run_script(core: Core, caller: Caller, script: str, variables: Mapping[str, 
     return outcome
 
 
-def _add_position(core: Core, words: str, command: MenuCommand) -> str:
+def _add_position(core: Core, words: str, command: _parse.MenuCommand) -> str:
     """Add what a script's error says beside its words: command and line; before 7.22 not where a value is missing."""
     missing = words.startswith("missing value(s)")
     place = f" ({command.menu.rstrip('/')}/{command.name}; line {command.line})"
@@ -121,10 +104,10 @@ def run_line(
     `width` is the screen's, in columns; None has no end.
     """
     outcome = ScriptOutcome()
-    parser = Parser(core, TextPart(line), menu)
+    parser = _parse.Parser(core, _parse.TextPart(line), menu)
     try:
         statements = list(parser.statements())
-    except ConsoleError as error:
+    except _parse.ConsoleError as error:
         outcome.error = _refusal_words(core, str(error))
         return outcome, menu
     _run(core, caller, statements, outcome, width)
@@ -134,18 +117,18 @@ def run_line(
 def run_file(core: Core, caller: Caller, text: str) -> ScriptOutcome:
     """Run each statement as soon as it is parsed."""
     outcome = ScriptOutcome()
-    source = TextPart(text)
+    source = _parse.TextPart(text)
     try:
-        for statement in Parser(core, source).statements():
+        for statement in _parse.Parser(core, source).statements():
             _run(core, caller, [statement], outcome)
             if outcome.error is not None:
                 break
-    except ConsoleError as error:
+    except _parse.ConsoleError as error:
         outcome.error = _refusal_words(core, str(error))
     return outcome
 
 
-def _refusal_words(core: Core, words: str, command: MenuCommand | None = None) -> str:
+def _refusal_words(core: Core, words: str, command: _parse.MenuCommand | None = None) -> str:
     """Return the words of a refusal; of RouterOS 6 only those that adoption may meet are known.
 
     No command tree of it is published, so that a name or value which the oldest tree lacks may be one that it has.
@@ -157,8 +140,8 @@ def _refusal_words(core: Core, words: str, command: MenuCommand | None = None) -
 def check_syntax(core: Core, text: str) -> str | None:
     """Return the first mistake that `import dry-run` finds."""
     try:
-        list(Parser(core, TextPart(text)).statements())
-    except ConsoleError as error:
+        list(_parse.Parser(core, _parse.TextPart(text)).statements())
+    except _parse.ConsoleError as error:
         return str(error)
     return None
 
@@ -166,7 +149,7 @@ def check_syntax(core: Core, text: str) -> str | None:
 def _run(  # noqa: PLR0913, PLR0917 - a script, who runs it, and where its words go
     core: Core,
     caller: Caller,
-    statements: list[Statement],
+    statements: list[_parse.Statement],
     outcome: ScriptOutcome,
     width: int | None = None,
     variables: Mapping[str, str] | None = None,
@@ -193,33 +176,33 @@ class _Runner:
     variables: dict[str, str]
     is_paged: bool = False
     """Somebody may want to read it page by page."""
-    failed_command: MenuCommand | None = None
+    failed_command: _parse.MenuCommand | None = None
     """The command that stopped it."""
 
-    def run(self, statement: Statement) -> list[str]:
-        if isinstance(statement, DoOnError):
+    def run(self, statement: _parse.Statement) -> list[str]:
+        if isinstance(statement, _parse.DoOnError):
             return self._attempt(statement)
-        if isinstance(statement, IfStatement):
+        if isinstance(statement, _parse.IfStatement):
             branch = statement.then if self._holds(statement) else statement.otherwise
             return [line for inner in branch for line in self.run(inner)]
-        if isinstance(statement, LocalVariable):
+        if isinstance(statement, _parse.LocalVariable):
             self.variables[statement.name] = self._evaluate(statement.value)
             return []
-        if isinstance(statement, Each):
+        if isinstance(statement, _parse.Each):
             return self._each(statement)
-        if isinstance(statement, Failure):
+        if isinstance(statement, _parse.Failure):
             self.failed_command = None
             raise Trap(f"{self._fill(statement.text)} (:error; line {statement.line})")
-        if isinstance(statement, Put):
+        if isinstance(statement, _parse.Put):
             return self._put(statement.what)
         return self._command(statement)[1]
 
-    def _put(self, what: Template | MenuCommand | Find | Parse) -> list[str]:
-        if isinstance(what, Parse):
+    def _put(self, what: _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> list[str]:
+        if isinstance(what, _parse.Parse):
             return [_code(self.core, self._fill(what.text))]
         return [self._fill(what) if isinstance(what, tuple) else self._evaluate(what)]
 
-    def _each(self, each: Each) -> list[str]:
+    def _each(self, each: _parse.Each) -> list[str]:
         lines: list[str] = []
         for index, text in enumerate(each.texts):
             self.variables |= {each.index: str(index), each.value: self._fill(text)}
@@ -227,11 +210,13 @@ class _Runner:
                 lines += self.run(statement)
         return lines
 
-    def _fill(self, text: Template) -> str:
+    def _fill(self, text: _parse.Template) -> str:
         """Put in the variables; one that nobody has set is nothing."""
-        return "".join(self.variables.get(part.name, "") if isinstance(part, Variable) else part for part in text)
+        return "".join(
+            self.variables.get(part.name, "") if isinstance(part, _parse.Variable) else part for part in text
+        )
 
-    def _attempt(self, attempt: DoOnError) -> list[str]:
+    def _attempt(self, attempt: _parse.DoOnError) -> list[str]:
         """Run a block until a command fails, then the other one; what was done before the failure stays."""
         lines: list[str] = []
         try:
@@ -242,32 +227,32 @@ class _Runner:
                 lines += self.run(statement)
         return lines
 
-    def _holds(self, choice: IfStatement) -> bool:
+    def _holds(self, choice: _parse.IfStatement) -> bool:
         """Compare numbers and times; a variable that nobody has set is no number, and nothing holds of it.
 
         Assumption: use-uptime-compares
         """
-        if isinstance(choice.left, Find) and isinstance(choice.right, int):
+        if isinstance(choice.left, _parse.Find) and isinstance(choice.right, int):
             return _COMPARE[choice.sign](len(self._find_ids(choice.left)), choice.right)
-        if isinstance(choice.left, MenuCommand) and isinstance(choice.right, int):
+        if isinstance(choice.left, _parse.MenuCommand) and isinstance(choice.right, int):
             elapsed_s = seconds(self._evaluate(choice.left))
             return elapsed_s is not None and _COMPARE[choice.sign](int(elapsed_s), choice.right)
-        value = self.variables.get(choice.left.name, "") if isinstance(choice.left, Variable) else ""
+        value = self.variables.get(choice.left.name, "") if isinstance(choice.left, _parse.Variable) else ""
         if isinstance(choice.right, str):
             return re.search(choice.right, value) is not None
         return value.isdecimal() and _COMPARE[choice.sign](int(value), choice.right)
 
-    def _evaluate(self, what: MenuCommand | Find) -> str:
+    def _evaluate(self, what: _parse.MenuCommand | _parse.Find) -> str:
         """Return what stands for `[...]`: ids of rows, a property, a count."""
-        if isinstance(what, Find):
+        if isinstance(what, _parse.Find):
             return ";".join(self._find_ids(what))
         return self._command(what)[0]
 
-    def _find_ids(self, find: Find) -> list[str]:
+    def _find_ids(self, find: _parse.Find) -> list[str]:
         call = Call(self.caller, find.menu, "find", console=True)
-        return select(self.core, call, find.where)
+        return read.select(self.core, call, find.where)
 
-    def _command(self, command: MenuCommand) -> tuple[str, list[str]]:
+    def _command(self, command: _parse.MenuCommand) -> tuple[str, list[str]]:
         self.failed_command = None
         try:
             return self._execute(command)
@@ -275,7 +260,7 @@ class _Runner:
             self.failed_command = self.failed_command or command
             raise
 
-    def _execute(self, command: MenuCommand) -> tuple[str, list[str]]:
+    def _execute(self, command: _parse.MenuCommand) -> tuple[str, list[str]]:
         arguments = {name: self._argument(value) for name, value in command.arguments.items()}
         for name in _NUMBERS & set(arguments) if self.width is not None else ():
             arguments[name] = self._resolve_numbers(command.menu, arguments[name])
@@ -285,7 +270,7 @@ class _Runner:
         result = self.core.dispatch(self.core, call)
         if "as-value" in arguments:
             return _as_value(result.rows), []
-        return result.ret or "", [*result.text.splitlines(), *render_report(call.command, result.rows)]
+        return result.ret or "", [*result.text.splitlines(), *people.render_report(call.command, result.rows)]
 
     def _resolve_numbers(self, menu: str, value: str) -> str:
         """Ids for the row numbers that this session has seen; scripts know none (Manual, Console: Item numbers)."""
@@ -295,12 +280,12 @@ class _Runner:
             return value
         return ",".join(row_ids[int(part)] for part in parts)
 
-    def _argument(self, value: str | Template | Find | MenuCommand) -> str:
+    def _argument(self, value: str | _parse.Template | _parse.Find | _parse.MenuCommand) -> str:
         if isinstance(value, str):
             return value
         if isinstance(value, tuple):
             return self._fill(value)
-        if isinstance(value, MenuCommand):
+        if isinstance(value, _parse.MenuCommand):
             return self._evaluate(value)
         ids = self._find_ids(value)
         if not ids:
@@ -308,26 +293,26 @@ class _Runner:
             raise Trap("expected item id")
         return ",".join(ids)
 
-    def _print(self, call: Call, where: Where) -> tuple[str, list[str]]:
+    def _print(self, call: Call, where: read.Where) -> tuple[str, list[str]]:
         """What it returns within brackets, and what people see of it.
 
         `as-value` shows nothing to people, and without `detail` it returns what a table shows (tik4net,
         Docs/findings-cli.md).
         """
-        matching_rows = [row for row in all_rows(self.core, call) if fits(row, where)]
+        matching_rows = [row for row in read.all_rows(self.core, call) if read.fits(row, where)]
         words = frozenset(call.arguments)
         if "count-only" in words:
             return str(len(matching_rows)), [str(len(matching_rows))]
         if "stats" not in words:
             matching_rows = [without_counters(row) for row in matching_rows]
         columns = tuple(call.arguments.get("proplist", call.arguments.get(".proplist", "")).split(","))
-        view = PrintView(call.menu, words, columns if columns != ("",) else (), self.width)
+        view = people.PrintView(call.menu, words, columns if columns != ("",) else (), self.width)
         if "as-value" in words:
-            return _as_value(as_value_rows(self.core, view, matching_rows)), []
+            return _as_value(people.as_value_rows(self.core, view, matching_rows)), []
         if self.width is not None:
             self.core.numbered[self.caller.number, call.menu] = [row.get(".id", "") for row in matching_rows]
         self.is_paged = self.is_paged or "without-paging" not in words
-        return "", render_print(self.core, view, matching_rows)
+        return "", people.render_print(self.core, view, matching_rows)
 
 
 def _as_value(rows: list[dict[str, str]]) -> str:
@@ -340,11 +325,11 @@ def _code(core: Core, text: str) -> str:
     Recorded on 7.20.8 to 7.23.3 (tikoci/lsp-routeros-ts, docs/parseil-format.md; tikoci/centrs,
     test/fixtures/parse-oracle.json). Unknown commands and, from 7.23, arguments stand within the code.
     """
-    parser = Parser(core, TextPart(text), only_code=True)
+    parser = _parse.Parser(core, _parse.TextPart(text), only_code=True)
     codes: list[str] = []
     try:
         codes += (_code_of(statement) for statement in parser.statements())
-    except ConsoleError as error:
+    except _parse.ConsoleError as error:
         # What follows a mistake that stands within the code is left out. Assumption: parse-words
         if core.deviates(Deviation.PARSE_WORDS):
             return f"mistake: {error.verdict.strip('(<% ')}"
@@ -352,24 +337,30 @@ def _code(core: Core, text: str) -> str:
     return ";".join(codes) or ("/" if text else "")
 
 
-def _code_of(statement: Statement) -> str:
-    if isinstance(statement, MenuCommand):
+def _code_of(statement: _parse.Statement) -> str:
+    if isinstance(statement, _parse.MenuCommand):
         path = f"{statement.menu.rstrip('/')}/{statement.name}"
         return (
             f"(evl {path}{';'.join(f'{name}={_echo(value)}' for name, value in sorted(statement.arguments.items()))})"
         )
-    if isinstance(statement, Put):
+    if isinstance(statement, _parse.Put):
         return f"(evl /putmessage={_echo(statement.what)})"
     # Of statements that hold others no code is recorded in full. Assumption: parse-words
-    words = {DoOnError: "do", IfStatement: "if", LocalVariable: "local", Each: "foreach", Failure: "error"}
+    words = {
+        _parse.DoOnError: "do",
+        _parse.IfStatement: "if",
+        _parse.LocalVariable: "local",
+        _parse.Each: "foreach",
+        _parse.Failure: "error",
+    }
     return f"(evl /{words[type(statement)]})"
 
 
-def _echo(value: str | Template | MenuCommand | Find | Parse) -> str:
+def _echo(value: str | _parse.Template | _parse.MenuCommand | _parse.Find | _parse.Parse) -> str:
     if isinstance(value, str):
         return value
     if isinstance(value, tuple):
         return "".join(part if isinstance(part, str) else f"${part.name}" for part in value)
-    if isinstance(value, MenuCommand):
+    if isinstance(value, _parse.MenuCommand):
         return _code_of(value)
-    return f"(evl {value.menu}/find)" if isinstance(value, Find) else f"(evl /parse{_echo(value.text)})"
+    return f"(evl {value.menu}/find)" if isinstance(value, _parse.Find) else f"(evl /parse{_echo(value.text)})"

@@ -9,21 +9,13 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from atlantis_netcfg.emulator.routeros.menus._model import (
-    COMMENT,
-    DISABLED_ARG,
-    Arg,
-    EmulatedMenu,
-    Select,
-    Shape,
-    Unique,
-)
+from atlantis_netcfg.emulator.routeros.menus import _model
 from atlantis_netcfg.emulator.routeros.menus._references import names_rows, references
 from atlantis_netcfg.emulator.routeros.schema import Schema, description, offered_values
 from atlantis_netcfg.emulator.routeros.values import Bool, Choices, Int, Not, Plausible, Ref, Text, ValueType
 
 _NOT_PROPERTIES = {"copy-from", "numbers", "place-before"}
-_EVERYWHERE = {"comment": COMMENT, "disabled": DISABLED_ARG}
+_EVERYWHERE = {"comment": _model.COMMENT, "disabled": _model.DISABLED_ARG}
 _SECRETS = ("password", "passphrase", "private-key", "preshared-key", "pre-shared-key", "secret", "pin", "key")
 _NEVER = {("/user/ssh-keys", "key")}
 _NO_INTERFACE = ("/interface/list", "/interface/lte/apn")
@@ -101,17 +93,17 @@ _OF_THE_BOARD = ("/app", "/disk", "/system/console", "/system/leds")
 """Menus whose rows come with disks, lights and packages of a board, although more can be added."""
 
 
-def generic(schema: Schema, path: str) -> EmulatedMenu:
+def generic(schema: Schema, path: str) -> _model.EmulatedMenu:
     """Make the menu of a path that the command tree has."""
     names = schema.arguments(path, "add") | schema.arguments(path, "set")
     built_in = BUILT_IN.get(path)
     factory = built_in.rows if built_in is not None and schema.at_least(built_in.since) else ()
     interface = path.startswith("/interface/") and "name" in names and not path.startswith(_NO_INTERFACE)
-    unique = (Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
+    unique = (_model.Unique(("name",), "failure: item with such name already exists"),) if "name" in names else ()
     unique = () if path in _NAMES_REPEAT else unique
     name_property, shape = _NAME_PROPERTIES.get(path, "name"), _shape(schema, path)
-    is_fixed = shape is Shape.FIXED_ROWS and schema.has_command(path, "set") and path not in _NAME_PROPERTIES
-    return EmulatedMenu(
+    is_fixed = shape is _model.Shape.FIXED_ROWS and schema.has_command(path, "set") and path not in _NAME_PROPERTIES
+    return _model.EmulatedMenu(
         path,
         shape,
         unmodelled_arguments(path, names.union(*factory, {_NAME_PROPERTIES.get(path, "")}) - {"", ".id"}),
@@ -121,28 +113,28 @@ def generic(schema: Schema, path: str) -> EmulatedMenu:
         unique=unique,
         factory=factory,
         builtin_flag="default" if factory else "",
-        select=Select.NAME if path in _NAME_PROPERTIES else Select.INDEX,
+        select=_model.Select.NAME if path in _NAME_PROPERTIES else _model.Select.INDEX,
         of_the_board=path in _OF_THE_BOARD or (is_fixed and not factory),
         is_modelled=False,
     )
 
 
-def unmodelled_arguments(path: str, names: frozenset[str]) -> tuple[Arg, ...]:
+def unmodelled_arguments(path: str, names: frozenset[str]) -> tuple[_model.Arg, ...]:
     """Make the arguments of these names: their values are taken as they come."""
     return tuple(
         _EVERYWHERE.get(name)
-        or Arg(name, _kind(path, name), secret=name.endswith(_SECRETS), never=(path, name) in _NEVER)
+        or _model.Arg(name, _kind(path, name), secret=name.endswith(_SECRETS), never=(path, name) in _NEVER)
         for name in sorted(names - _NOT_PROPERTIES)
     )
 
 
-def _shape(schema: Schema, path: str) -> Shape:
+def _shape(schema: Schema, path: str) -> _model.Shape:
     commands = schema.commands(path)
     if "add" in commands:
-        return Shape.LIST
+        return _model.Shape.LIST
     if "numbers" in schema.arguments(path, "set") or ("find" in commands and "set" not in commands):
-        return Shape.FIXED_ROWS
-    return Shape.SETTINGS
+        return _model.Shape.FIXED_ROWS
+    return _model.Shape.SETTINGS
 
 
 def _kind(path: str, name: str) -> ValueType:

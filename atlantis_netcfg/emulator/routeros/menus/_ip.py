@@ -6,126 +6,113 @@ exports of RouterOS 7.19.
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import Arg, Unique, of_schema
+from atlantis_netcfg.emulator.routeros import values
+from atlantis_netcfg.emulator.routeros.menus import _model
 from atlantis_netcfg.emulator.routeros.schema import offered_values
-from atlantis_netcfg.emulator.routeros.values import (
-    Address,
-    AddressesValue,
-    Bool,
-    Choice,
-    Choices,
-    FlagValue,
-    GatewayValue,
-    HostPrefix,
-    Int,
-    Prefixes,
-    Ranges,
-    Ref,
-    Refs,
-    Text,
-    Time,
-)
 
-_V4 = Address(v6=False)
-_V4S = AddressesValue(_V4)
-_NAME_TAKEN = Unique(("name",), "failure: item with such name already exists")
-_INTERFACE = Arg("interface", Ref(("interface",)), is_required=True, always=True)
+_V4 = values.Address(v6=False)
+_V4S = values.AddressesValue(_V4)
+_NAME_TAKEN = _model.Unique(("name",), "failure: item with such name already exists")
+_INTERFACE = _model.Arg("interface", values.Ref(("interface",)), is_required=True, always=True)
 
-_ADDRESS = of_schema(
+_ADDRESS = _model.of_schema(
     "/ip/address",
     noun="address",
     local=(
-        Arg("address", HostPrefix(), is_required=True, always=True),
-        Arg("broadcast", _V4, is_exported=False, never=True),
+        _model.Arg("address", values.HostPrefix(), is_required=True, always=True),
+        _model.Arg("broadcast", _V4, is_exported=False, never=True),
         _INTERFACE,
-        Arg("netmask", _V4, is_exported=False, never=True),
-        Arg("network", _V4, "", always=True),
+        _model.Arg("netmask", _V4, is_exported=False, never=True),
+        _model.Arg("network", _V4, "", always=True),
     ),
     name_property="address",
-    unique=(Unique(("address", "interface"), "failure: already have such address"),),
+    unique=(_model.Unique(("address", "interface"), "failure: already have such address"),),
     flags=("dynamic", "invalid"),
 )
 
-_POOL = of_schema(
+_POOL = _model.of_schema(
     "/ip/pool",
     noun="pool",
-    kinds={"next-pool": Ref(("pool",), ("none",))},
-    local=(Arg("name", Text(empty=False), ""), Arg("ranges", Ranges(), is_required=True, always=True)),
+    kinds={"next-pool": values.Ref(("pool",), ("none",))},
+    local=(
+        _model.Arg("name", values.Text(empty=False), ""),
+        _model.Arg("ranges", values.Ranges(), is_required=True, always=True),
+    ),
     space="pool",
-    unique=(Unique(("name",), "failure: pool with such name exists"),),
+    unique=(_model.Unique(("name",), "failure: pool with such name exists"),),
 )
 
-_SERVER = of_schema(
+_SERVER = _model.of_schema(
     "/ip/dhcp-server",
     noun="dhcp server",
     kinds={
-        "address-pool": Ref(("pool",), ("static-only",)),
-        "authoritative": Choice(("after-10sec-delay", "after-2sec-delay", "no", "yes")),
-        "client-mac-limit": Int(words=("unlimited",)),
-        "dynamic-lease-identifiers": Choices(("client-mac", "client-id", "opt-82")),
-        "insert-queue-before": Choice(("bottom", "first")),
-        "lease-time": Time(1),
-        "use-radius": Choice(("accounting", "no", "yes")),
+        "address-pool": values.Ref(("pool",), ("static-only",)),
+        "authoritative": values.Choice(("after-10sec-delay", "after-2sec-delay", "no", "yes")),
+        "client-mac-limit": values.Int(words=("unlimited",)),
+        "dynamic-lease-identifiers": values.Choices(("client-mac", "client-id", "opt-82")),
+        "insert-queue-before": values.Choice(("bottom", "first")),
+        "lease-time": values.Time(1),
+        "use-radius": values.Choice(("accounting", "no", "yes")),
     },
     local=(
-        Arg("add-arp", Bool()),
-        Arg("always-broadcast", Bool()),
-        Arg("bootp-lease-time", Time(words=("forever", "lease-time"))),
-        Arg("bootp-support", Choice(("dynamic", "none", "static"))),
-        Arg("delay-threshold", Time(words=("none",))),
+        _model.Arg("add-arp", values.Bool()),
+        _model.Arg("always-broadcast", values.Bool()),
+        _model.Arg("bootp-lease-time", values.Time(words=("forever", "lease-time"))),
+        _model.Arg("bootp-support", values.Choice(("dynamic", "none", "static"))),
+        _model.Arg("delay-threshold", values.Time(words=("none",))),
         _INTERFACE,
-        Arg("name", Text(empty=False), ""),
-        Arg("parent-queue", Text()),
+        _model.Arg("name", values.Text(empty=False), ""),
+        _model.Arg("parent-queue", values.Text()),
     ),
     space="dhcp-server",
-    unique=(_NAME_TAKEN, Unique(("interface", "relay"), "failure: already have dhcp server on such interface")),
+    unique=(_NAME_TAKEN, _model.Unique(("interface", "relay"), "failure: already have dhcp server on such interface")),
     flags=("dynamic", "invalid"),
 )
 
-_NETWORK = of_schema(
+_NETWORK = _model.of_schema(
     "/ip/dhcp-server/network",
     noun="dhcp network",
     kinds={
         "caps-manager": _V4S,
         "dns-server": _V4S,
         "gateway": _V4S,
-        "netmask": Int(0, 32),
+        "netmask": values.Int(0, 32),
         "ntp-server": _V4S,
         "wins-server": _V4S,
     },
     local=(
-        Arg("address", Prefixes(v6=False), "0.0.0.0/0", always=True),
-        Arg("boot-file-name", Text()),
-        Arg("dns-none", Bool()),
-        Arg("domain", Text()),
-        Arg("ntp-none", Bool()),
+        _model.Arg("address", values.Prefixes(v6=False), "0.0.0.0/0", always=True),
+        _model.Arg("boot-file-name", values.Text()),
+        _model.Arg("dns-none", values.Bool()),
+        _model.Arg("domain", values.Text()),
+        _model.Arg("ntp-none", values.Bool()),
     ),
     name_property="address",
-    unique=(Unique(("address",), "failure: already have such network"),),
+    unique=(_model.Unique(("address",), "failure: already have such network"),),
     flags=("dynamic",),
 )
 
-_LEASE = of_schema(
+_LEASE = _model.of_schema(
     "/ip/dhcp-server/lease",
     noun="dhcp lease",
     kinds={
-        "allow-dual-stack-queue": Bool(),
-        "insert-queue-before": Choice(("bottom", "first")),
-        "server": Ref(("dhcp-server",), ("all",)),
+        "allow-dual-stack-queue": values.Bool(),
+        "insert-queue-before": values.Choice(("bottom", "first")),
+        "server": values.Ref(("dhcp-server",), ("all",)),
     },
     local=(
-        Arg("address", _V4, always=True),
-        Arg("agent-circuit-id", Text(), ""),
-        Arg("agent-remote-id", Text(), ""),
-        Arg("block-access", Bool()),
-        Arg("client-id", Text()),
-        Arg("rate-limit", Text()),
+        _model.Arg("address", _V4, always=True),
+        _model.Arg("agent-circuit-id", values.Text(), ""),
+        _model.Arg("agent-remote-id", values.Text(), ""),
+        _model.Arg("block-access", values.Bool()),
+        _model.Arg("client-id", values.Text()),
+        _model.Arg("rate-limit", values.Text()),
     ),
     name_property="address",
     unique=(
-        Unique(("address", "server"), "failure: already have static lease with this IP address"),
+        _model.Unique(("address", "server"), "failure: already have static lease with this IP address"),
         # Exports have two leases of one MAC address: for other client ids, and (7.22) with one of them disabled.
-        Unique(
+        _model.Unique(
             ("mac-address", "server", "client-id"),
             "failure: already have static lease with this MAC address",
             enabled_only=True,
@@ -134,79 +121,79 @@ _LEASE = of_schema(
     flags=("blocked", "dynamic", "radius"),
 )
 
-_CLIENT = of_schema(
+_CLIENT = _model.of_schema(
     "/ip/dhcp-client",
     noun="dhcp client",
     kinds={
-        "add-default-route": Choice(("no", "special-classless", "yes")),
-        "check-gateway": Choice(("arp", "bfd", "none", "ping")),
-        "default-route-distance": Int(1, 255),
-        "default-route-tables": Text(empty=False),
-        "dscp": Int(0, 63),
-        "use-broadcast": Choice(("always", "both", "never")),
-        "use-peer-dns": Bool(),
-        "vlan-priority": Int(0, 7),
+        "add-default-route": values.Choice(("no", "special-classless", "yes")),
+        "check-gateway": values.Choice(("arp", "bfd", "none", "ping")),
+        "default-route-distance": values.Int(1, 255),
+        "default-route-tables": values.Text(empty=False),
+        "dscp": values.Int(0, 63),
+        "use-broadcast": values.Choice(("always", "both", "never")),
+        "use-peer-dns": values.Bool(),
+        "vlan-priority": values.Int(0, 7),
     },
-    local=(_INTERFACE, Arg("script", Text())),
+    local=(_INTERFACE, _model.Arg("script", values.Text())),
     name_property="interface",
-    unique=(Unique(("interface",), "failure: dhcp-client on that interface already exists"),),
+    unique=(_model.Unique(("interface",), "failure: dhcp-client on that interface already exists"),),
     flags=("dynamic", "invalid"),
 )
 
-_DNS = of_schema(
+_DNS = _model.of_schema(
     "/ip/dns",
     noun="dns",
     kinds={
-        "max-udp-packet-size": Int(50, 65507),
-        "mdns-repeat-ifaces": Refs(Ref(("interface",))),
-        "servers": AddressesValue(),
-        "vrf": Ref(("table",)),
+        "max-udp-packet-size": values.Int(50, 65507),
+        "mdns-repeat-ifaces": values.Refs(values.Ref(("interface",))),
+        "servers": values.AddressesValue(),
+        "vrf": values.Ref(("table",)),
     },
 )
 
-_STATIC = of_schema(
+_STATIC = _model.of_schema(
     "/ip/dns/static",
     noun="static dns entry",
     kinds={
-        "mx-preference": Int(0, 65535),
-        "srv-port": Int(0, 65535),
-        "srv-priority": Int(0, 65535),
-        "srv-weight": Int(0, 65535),
+        "mx-preference": values.Int(0, 65535),
+        "srv-port": values.Int(0, 65535),
+        "srv-priority": values.Int(0, 65535),
+        "srv-weight": values.Int(0, 65535),
     },
     local=(
-        Arg("address", Address()),
-        Arg("address-list", Text()),
-        Arg("cname", Text()),
-        Arg("forward-to", Text()),
-        Arg("match-subdomain", Bool()),
-        Arg("mx-exchange", Text()),
-        Arg("name", Text(empty=False)),
-        Arg("ns", Text()),
-        Arg("regexp", Text(empty=False)),
-        Arg("srv-target", Text()),
-        Arg("text", Text()),
-        Arg("type", Choice(offered_values("/ip/dns/static", "type")), "A", always=True),
+        _model.Arg("address", values.Address()),
+        _model.Arg("address-list", values.Text()),
+        _model.Arg("cname", values.Text()),
+        _model.Arg("forward-to", values.Text()),
+        _model.Arg("match-subdomain", values.Bool()),
+        _model.Arg("mx-exchange", values.Text()),
+        _model.Arg("name", values.Text(empty=False)),
+        _model.Arg("ns", values.Text()),
+        _model.Arg("regexp", values.Text(empty=False)),
+        _model.Arg("srv-target", values.Text()),
+        _model.Arg("text", values.Text()),
+        _model.Arg("type", values.Choice(offered_values("/ip/dns/static", "type")), "A", always=True),
     ),
-    unique=(Unique(("name", "type", "address", "text"), "entry already exists"),),
+    unique=(_model.Unique(("name", "type", "address", "text"), "entry already exists"),),
     flags=("dynamic",),
 )
 
-_ROUTE = of_schema(
+_ROUTE = _model.of_schema(
     "/ip/route",
     noun="route",
     kinds={
-        "blackhole": FlagValue("true"),
-        "distance": Int(1, 255),
-        "dst-address": Prefixes(v6=False, empty="0.0.0.0/0"),
-        "routing-table": Ref(("table",)),
-        "scope": Int(0, 255),
-        "target-scope": Int(0, 255),
+        "blackhole": values.FlagValue("true"),
+        "distance": values.Int(1, 255),
+        "dst-address": values.Prefixes(v6=False, empty="0.0.0.0/0"),
+        "routing-table": values.Ref(("table",)),
+        "scope": values.Int(0, 255),
+        "target-scope": values.Int(0, 255),
     },
     local=(
-        Arg("check-gateway", Choice(("arp", "none", "ping"))),
-        Arg("gateway", GatewayValue()),
-        Arg("pref-src", Address(v6=False, empty=True)),
-        Arg("suppress-hw-offload", Bool(), "no"),
+        _model.Arg("check-gateway", values.Choice(("arp", "none", "ping"))),
+        _model.Arg("gateway", values.GatewayValue()),
+        _model.Arg("pref-src", values.Address(v6=False, empty=True)),
+        _model.Arg("suppress-hw-offload", values.Bool(), "no"),
     ),
     name_property="dst-address",
     flags=("active", "dynamic", "inactive", "static"),

@@ -6,65 +6,60 @@ Names and words: RouterOS' command trees; defaults: Manual, LTE/5G, and public v
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import (
-    Arg,
-    Select,
-    Unique,
-    of_schema,
-)
-from atlantis_netcfg.emulator.routeros.values import Bool, Choice, Choices, Int, Pattern, Ref, Refs, Text, Time
+from atlantis_netcfg.emulator.routeros import values
+from atlantis_netcfg.emulator.routeros.menus import _model
 
-_NUMBERS = Pattern(r"|\d{1,3}(,\d{1,3})*")
+_NUMBERS = values.Pattern(r"|\d{1,3}(,\d{1,3})*")
 
-_APN = of_schema(
+_APN = _model.of_schema(
     "/interface/lte/apn",
     noun="apn profile",
     kinds={
-        "name": Text(empty=False),
-        "apn": Text(longest=100),
-        "authentication": Choice(("chap", "none", "pap")),
-        "default-route-distance": Int(0, 255),
-        "ip-type": Choice(("auto", "ipv4", "ipv6")),
-        "ipv6-interface": Ref(("interface",), ("none",)),
-        "passthrough-interface": Ref(("interface",), ("none",)),
-        "passthrough-subnet-size": Choice(("32", "auto")),
+        "name": values.Text(empty=False),
+        "apn": values.Text(longest=100),
+        "authentication": values.Choice(("chap", "none", "pap")),
+        "default-route-distance": values.Int(0, 255),
+        "ip-type": values.Choice(("auto", "ipv4", "ipv6")),
+        "ipv6-interface": values.Ref(("interface",), ("none",)),
+        "passthrough-interface": values.Ref(("interface",), ("none",)),
+        "passthrough-subnet-size": values.Choice(("32", "auto")),
     },
     space="lte-apn",
-    unique=(Unique(("name",), "failure: item with such name already exists"),),
+    unique=(_model.Unique(("name",), "failure: item with such name already exists"),),
     factory=({"name": "default"},),
     builtin_flag="default",
-    select=Select.DEFAULT,
+    select=_model.Select.DEFAULT,
 )
 
-_LTE = of_schema(
+_LTE = _model.of_schema(
     "/interface/lte",
     noun="lte",
     kinds={
-        "apn-profiles": Refs(Ref(("lte-apn",))),
+        "apn-profiles": values.Refs(values.Ref(("lte-apn",))),
         "band": _NUMBERS,
-        "mtu": Int(68, 65535),
-        "network-mode": Choices(("3g", "5g", "gsm", "lte"), is_ordered=False),
+        "mtu": values.Int(68, 65535),
+        "network-mode": values.Choices(("3g", "5g", "gsm", "lte"), is_ordered=False),
         "nr-band": _NUMBERS,
-        "operator": Pattern(r"|\d{5,6}"),
+        "operator": values.Pattern(r"|\d{5,6}"),
     },
     local=(
-        Arg("name", Text(empty=False), ""),
-        Arg("allow-roaming", Bool()),
-        Arg("sms-protocol", Choice(("at", "auto", "mbim")), "auto"),
-        Arg("sms-read", Bool(), "yes"),
+        _model.Arg("name", values.Text(empty=False), ""),
+        _model.Arg("allow-roaming", values.Bool()),
+        _model.Arg("sms-protocol", values.Choice(("at", "auto", "mbim")), "auto"),
+        _model.Arg("sms-read", values.Bool(), "yes"),
     ),
     without=("default-name",),
     space="interface",
-    unique=(Unique(("name",), "failure: already have interface with such name"),),
+    unique=(_model.Unique(("name",), "failure: already have interface with such name"),),
     flags=("running", "inactive"),
-    select=Select.DEFAULT_NAME,
+    select=_model.Select.DEFAULT_NAME,
 )
 
-_SETTINGS = of_schema(
+_SETTINGS = _model.of_schema(
     "/interface/lte/settings",
     noun="lte settings",
-    kinds={"esim-channel": Choice(("at", "auto")), "mode": Choice(("auto", "mbim", "serial", "user"))},
-    local=(Arg("info-polling-interval", Time(), "0s"),),
+    kinds={"esim-channel": values.Choice(("at", "auto")), "mode": values.Choice(("auto", "mbim", "serial", "user"))},
+    local=(_model.Arg("info-polling-interval", values.Time(), "0s"),),
 )
 
 MENUS = (_APN, _LTE, _SETTINGS)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from atlantis_netcfg.emulator.routeros import values
 from atlantis_netcfg.emulator.routeros.menus._references import reference, references
-from atlantis_netcfg.emulator.routeros.values import Bool, Text, ValueType
 from atlantis_netcfg.routeros import menus as schema
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ class Arg:
     """One argument of a menu."""
 
     name: str
-    kind: ValueType
+    kind: values.ValueType
     default: str | None = None
     """Value of a row that does not say otherwise; None: the property is absent then, and can be unset."""
     is_required: bool = False
@@ -114,8 +113,8 @@ class EmulatedMenu:
         object.__setattr__(self, "by_name", {arg.name: arg for arg in self.args})
 
 
-DISABLED_ARG = Arg("disabled", Bool(), "no")
-COMMENT = Arg("comment", Text())
+DISABLED_ARG = Arg("disabled", values.Bool(), "no")
+COMMENT = Arg("comment", values.Text())
 
 _SHAPES: Final = {
     schema.Shape.LIST: Shape.LIST,
@@ -123,7 +122,7 @@ _SHAPES: Final = {
     schema.Shape.SINGLETON: Shape.SETTINGS,
 }
 _PLAIN: Final = {
-    schema.PropertyKind.BOOLEAN: Bool(),
+    schema.PropertyKind.BOOLEAN: values.Bool(),
     schema.PropertyKind.FLAG: values.FlagValue(),
     schema.PropertyKind.INTERFACE: values.Ref(("interface",)),
     schema.PropertyKind.MAC: values.Mac(),
@@ -139,7 +138,7 @@ _PLAIN: Final = {
 _LISTS: Final = (schema.PropertyKind.SEQUENCE, schema.PropertyKind.SET)
 
 
-def _naming(path: str, field: schema.Field) -> ValueType | None:
+def _naming(path: str, field: schema.Field) -> values.ValueType | None:
     return (references if field.kind in _LISTS else reference)(path, field.name)
 
 
@@ -147,7 +146,7 @@ def of_schema(
     path: str,
     *,
     shape: Shape | None = None,
-    kinds: Mapping[str, ValueType] | None = None,
+    kinds: Mapping[str, values.ValueType] | None = None,
     local: Iterable[Arg] = (),
     without: Iterable[str] = (),
     **rest: Any,  # noqa: ANN401 - fields of Menu
@@ -161,7 +160,7 @@ def of_schema(
     args = {
         field.name: Arg(
             field.name,
-            narrower.get(field.name) or _PLAIN.get(field.kind) or _naming(path, field) or Text(),
+            narrower.get(field.name) or _PLAIN.get(field.kind) or _naming(path, field) or values.Text(),
             None if field.name == "comment" else field.default,
             secret=field.secret,
         )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from itertools import takewhile
 
-from atlantis_netcfg.emulator.routeros.schema import description, menus_named, offered_values, recorded_rows
+from atlantis_netcfg.emulator.routeros import schema
 from atlantis_netcfg.emulator.routeros.values import Ref, Refs
 
 _INTERFACE, _LIST, _QUEUES, _LOOPBACK = "/interface", "/interface/list", "/queue/type", "lo"
@@ -26,12 +26,12 @@ def references(path: str, name: str) -> Refs | None:
 
 def reference(path: str, name: str) -> Ref | None:
     """Return what an argument takes that names one row, and None for every other."""
-    words = frozenset(offered_values(path, name))
-    interfaces, lists = words & recorded_rows()[_INTERFACE], words & recorded_rows()[_LIST]
+    words = frozenset(schema.offered_values(path, name))
+    interfaces, lists = words & schema.recorded_rows()[_INTERFACE], words & schema.recorded_rows()[_LIST]
     # Addresses are offered with the interfaces that may follow them, `lo` among them.
     if "interface" not in name and _LOOPBACK in interfaces:
         return None
-    if lists != recorded_rows()[_LIST]:
+    if lists != schema.recorded_rows()[_LIST]:
         lists = frozenset()
     spaces = [
         *(["interface"] if interfaces or (lists and "interface" in name and not name.endswith("list")) else []),
@@ -39,19 +39,19 @@ def reference(path: str, name: str) -> Ref | None:
     ]
     menu = None if spaces else _menu(path, name)
     if menu is not None:
-        return Ref((_SPACES.get(menu, menu),), tuple(sorted(words - recorded_rows()[menu])))
+        return Ref((_SPACES.get(menu, menu),), tuple(sorted(words - schema.recorded_rows()[menu])))
     return Ref(tuple(spaces), tuple(sorted(words - interfaces - lists))) if spaces else None
 
 
 def names_rows(path: str, name: str) -> bool:
     """Tell whether rows, files or devices of the recorded router stand among the words offered for an argument."""
-    devices = recorded_rows()[_INTERFACE].union(*(recorded_rows()[menu] for menu in _DEVICES))
-    return bool(menus_named(path, name)) or not devices.isdisjoint(offered_values(path, name))
+    devices = schema.recorded_rows()[_INTERFACE].union(*(schema.recorded_rows()[menu] for menu in _DEVICES))
+    return bool(schema.menus_named(path, name)) or not devices.isdisjoint(schema.offered_values(path, name))
 
 
 def _menu(path: str, name: str) -> str | None:
-    menus = menus_named(path, name)
-    if set(_DEVICES) & set(menus) or "address" in description(path, name):
+    menus = schema.menus_named(path, name)
+    if set(_DEVICES) & set(menus) or "address" in schema.description(path, name):
         return None
     if len(menus) == 1:
         return menus[0]

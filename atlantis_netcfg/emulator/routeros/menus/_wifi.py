@@ -6,55 +6,49 @@ Words are those that the console of 7.21.5 offers. Nothing has a default in a ro
 
 from __future__ import annotations
 
-from atlantis_netcfg.emulator.routeros.menus._model import (
-    Arg,
-    EmulatedMenu,
-    Select,
-    Shape,
-    Unique,
-    of_schema,
-)
+from atlantis_netcfg.emulator.routeros import values
+from atlantis_netcfg.emulator.routeros.menus import _model
 from atlantis_netcfg.emulator.routeros.schema import offered_values
-from atlantis_netcfg.emulator.routeros.values import Choice, Choices, Int, Mac, Pattern, Ref, Text, Time, ValueType
 
-_EXISTS = Unique(("name",), "failure: item with such name already exists")
+_EXISTS = _model.Unique(("name",), "failure: item with such name already exists")
 
 
-def _choices(menu: str, names: str, *, several: bool = False) -> dict[str, ValueType]:
+def _choices(menu: str, names: str, *, several: bool = False) -> dict[str, values.ValueType]:
     """Map arguments to the words that the console offers for them."""
     words_by_name = {
         name: tuple(word.strip('"') for word in offered_values(f"/interface/wifi/{menu}", name))
         for name in names.split()
     }
     return {
-        name: Choices(words, is_ordered=False) if several else Choice(words) for name, words in words_by_name.items()
+        name: values.Choices(words, is_ordered=False) if several else values.Choice(words)
+        for name, words in words_by_name.items()
     }
 
 
-_KINDS: dict[str, dict[str, ValueType]] = {
+_KINDS: dict[str, dict[str, values.ValueType]] = {
     "channel": {
-        "frequency": Pattern(r"\d{4}(-\d{4}(/\d+)?)?(,\d{4}(-\d{4}(/\d+)?)?)*"),
+        "frequency": values.Pattern(r"\d{4}(-\d{4}(/\d+)?)?(,\d{4}(-\d{4}(/\d+)?)?)*"),
         **_choices("channel", "band skip-dfs-channels width"),
     },
     "security": {
-        "passphrase": Pattern(r"|[ -~]{8,63}"),
+        "passphrase": values.Pattern(r"|[ -~]{8,63}"),
         **_choices("security", "authentication-types encryption", several=True),
         **_choices("security", "beacon-protection group-encryption management-encryption management-protection wps"),
     },
     "datapath": {
-        "bridge": Ref(("bridge",), ("none",)),
-        "bridge-horizon": Int(words=("none",)),
-        "interface-list": Ref(("list",)),
-        "vlan-id": Int(1, 4095, words=("none",)),
+        "bridge": values.Ref(("bridge",), ("none",)),
+        "bridge-horizon": values.Int(words=("none",)),
+        "interface-list": values.Ref(("list",)),
+        "vlan-id": values.Int(1, 4095, words=("none",)),
     },
     "configuration": {
-        "antenna-gain": Int(0, 30),
-        "beacon-interval": Time(0.1, 1),
-        "distance": Int(0, 1000),
-        "dtim-period": Int(1, 255),
-        "max-clients": Int(1, 1000),
-        "ssid": Text(longest=32),
-        "tx-power": Int(0, 40),
+        "antenna-gain": values.Int(0, 30),
+        "beacon-interval": values.Time(0.1, 1),
+        "distance": values.Int(0, 1000),
+        "dtim-period": values.Int(1, 255),
+        "max-clients": values.Int(1, 1000),
+        "ssid": values.Text(longest=32),
+        "tx-power": values.Int(0, 40),
         **_choices(
             "configuration",
             "country hw-protection-mode installation manager mode multicast-enhance qos-classifier",
@@ -76,50 +70,50 @@ _STEERING = (
 
 
 _INHERITED_ARGS = tuple(
-    Arg(f"{group}.{name}", Text())
+    _model.Arg(f"{group}.{name}", values.Text())
     for group, names in (("aaa", _AAA), ("interworking", _INTERWORKING), ("steering", _STEERING))
     for name in names.split()
 )
 
 
-def _inside(*profiles: str) -> dict[str, ValueType]:
+def _inside(*profiles: str) -> dict[str, values.ValueType]:
     """Name a profile's properties as rows above it do (`channel.width`), with the profile's own name before them."""
-    profile_refs: dict[str, ValueType] = {profile: Ref((f"wifi-{profile}",)) for profile in profiles}
+    profile_refs: dict[str, values.ValueType] = {profile: values.Ref((f"wifi-{profile}",)) for profile in profiles}
     return profile_refs | {f"{profile}.{name}": kind for profile in profiles for name, kind in _KINDS[profile].items()}
 
 
-def _profile(name: str, kinds: dict[str, ValueType], local: tuple[Arg, ...] = ()) -> EmulatedMenu:
-    return of_schema(
+def _profile(name: str, kinds: dict[str, values.ValueType], local: tuple[_model.Arg, ...] = ()) -> _model.EmulatedMenu:
+    return _model.of_schema(
         f"/interface/wifi/{name}",
         noun=f"wifi {name}",
         kinds=_KINDS[name] | kinds,
-        local=(Arg("name", Text(empty=False), is_required=True), *local),
+        local=(_model.Arg("name", values.Text(empty=False), is_required=True), *local),
         space=f"wifi-{name}",
         unique=(_EXISTS,),
     )
 
 
-_RADIO = of_schema(
+_RADIO = _model.of_schema(
     "/interface/wifi",
     noun="device",
-    shape=Shape.LIST,
+    shape=_model.Shape.LIST,
     kinds={
-        "arp": Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only")),
-        "arp-timeout": Time(words=("auto",)),
-        "mtu": Int(32, 2290),
+        "arp": values.Choice(("disabled", "enabled", "local-proxy-arp", "proxy-arp", "reply-only")),
+        "arp-timeout": values.Time(words=("auto",)),
+        "mtu": values.Int(32, 2290),
         **_inside(*_KINDS),
     },
     local=(
-        Arg("name", Text(empty=False), ""),
+        _model.Arg("name", values.Text(empty=False), ""),
         *_INHERITED_ARGS,
-        Arg("l2mtu", Int(32, 2290), "1560"),
-        Arg("mac-address", Mac(), ""),
+        _model.Arg("l2mtu", values.Int(32, 2290), "1560"),
+        _model.Arg("mac-address", values.Mac(), ""),
     ),
     without=("default-name",),
     space="interface",
-    unique=(Unique(("name",), "failure: already have interface with such name"),),
+    unique=(_model.Unique(("name",), "failure: already have interface with such name"),),
     flags=("running", "inactive", "bound", "master"),
-    select=Select.DEFAULT_NAME,
+    select=_model.Select.DEFAULT_NAME,
 )
 
 MENUS = (

@@ -10,7 +10,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address, IPv4Network
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
+from atlantis_netcfg.emulator.routeros.network import firewall
 from atlantis_netcfg.emulator.routeros.network.topology import MAIN, Topology
 
 if TYPE_CHECKING:
@@ -46,7 +46,9 @@ def path_open(  # noqa: PLR0913 - one packet's two ends
     return all(
         _round_trip(
             topology,
-            Packet(src, dst, state, src_port=_CLIENT_PORT, dst_port=port, in_interface=interface, in_port=entry),
+            firewall.Packet(
+                src, dst, state, src_port=_CLIENT_PORT, dst_port=port, in_interface=interface, in_port=entry
+            ),
         )
         for state in states
     )
@@ -100,17 +102,17 @@ def _reaches_bridge(core: Core, entry: int, bridge: int) -> bool:
     return store.text(ports, port, "pvid") == store.text(bridges, bridge_item, "pvid")
 
 
-def _round_trip(topology: Topology, packet: Packet) -> bool:
-    if walk(topology, _RAW, "prerouting", packet) is PacketVerdict.DROP:
+def _round_trip(topology: Topology, packet: firewall.Packet) -> bool:
+    if firewall.walk(topology, _RAW, "prerouting", packet) is firewall.PacketVerdict.DROP:
         return False
     if packet.state == "new" and _is_redirected(topology, packet):
         return False
-    if walk(topology, _FILTER, "input", packet) is PacketVerdict.DROP:
+    if firewall.walk(topology, _FILTER, "input", packet) is firewall.PacketVerdict.DROP:
         return False
     way = route_to(topology, packet.src, packet.dst)
     if way != packet.in_interface:
         return False
-    answer = Packet(
+    answer = firewall.Packet(
         packet.dst,
         packet.src,
         "established",
@@ -119,12 +121,14 @@ def _round_trip(topology: Topology, packet: Packet) -> bool:
         out_interface=way,
         out_port=packet.in_port,
     )
-    return all(walk(topology, table, "output", answer) is not PacketVerdict.DROP for table in (_RAW, _FILTER))
+    return all(
+        firewall.walk(topology, table, "output", answer) is not firewall.PacketVerdict.DROP for table in (_RAW, _FILTER)
+    )
 
 
-def _is_redirected(topology: Topology, packet: Packet) -> bool:
+def _is_redirected(topology: Topology, packet: firewall.Packet) -> bool:
     """Tell whether dstnat would send the first packet somewhere else."""
-    return walk(topology, _NAT, "dstnat", packet) is PacketVerdict.DROP
+    return firewall.walk(topology, _NAT, "dstnat", packet) is firewall.PacketVerdict.DROP
 
 
 def route_to(topology: Topology, dst: IPv4Address, src: IPv4Address | None) -> int | None:
@@ -198,7 +202,7 @@ def receives(core: Core, target: IPv4Address, source: str | None) -> bool:
     address = src or next(
         (local.address.ip for local in topology.locals if local.works and local.actual == way), target
     )
-    request = Packet(address, target, "new", "icmp", out_interface=way)
-    reply = Packet(target, address, "established", "icmp", in_interface=way)
-    out = walk(topology, _FILTER, "output", request) is not PacketVerdict.DROP
-    return out and walk(topology, _FILTER, "input", reply) is not PacketVerdict.DROP
+    request = firewall.Packet(address, target, "new", "icmp", out_interface=way)
+    reply = firewall.Packet(target, address, "established", "icmp", in_interface=way)
+    out = firewall.walk(topology, _FILTER, "output", request) is not firewall.PacketVerdict.DROP
+    return out and firewall.walk(topology, _FILTER, "input", reply) is not firewall.PacketVerdict.DROP

@@ -9,7 +9,7 @@ from __future__ import annotations
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING, Any
 
-from atlantis_netcfg.emulator.routeros.network.firewall import Packet, PacketVerdict, walk
+from atlantis_netcfg.emulator.routeros.network import firewall
 from atlantis_netcfg.emulator.routeros.network.path import route_to
 
 if TYPE_CHECKING:
@@ -30,13 +30,13 @@ def count_echoes(core: Core, target: IPv4Address, source: str | None, number: in
     address = src or target
     port = topology.interfaces[way].name
     octets = number * ECHO_BYTES
-    request = Packet(address, target, "new", "icmp", out_interface=way)
-    if _count_matches(core, _FILTER, "output", request, number, octets) is PacketVerdict.DROP:
+    request = firewall.Packet(address, target, "new", "icmp", out_interface=way)
+    if _count_matches(core, _FILTER, "output", request, number, octets) is firewall.PacketVerdict.DROP:
         return
     core.count(port, is_received=False, size=octets)
     if has_answer:
         core.count(port, is_received=True, size=octets)
-        reply = Packet(target, address, "established", "icmp", in_interface=way)
+        reply = firewall.Packet(target, address, "established", "icmp", in_interface=way)
         _count_matches(core, _FILTER, "input", reply, number, octets)
 
 
@@ -59,10 +59,10 @@ def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
     way, entry = route_to(topology, dst, src), route_to(topology, src, None)
     if way is None or entry is None:
         return {"port": None, "passed": False}
-    out = Packet(
+    out = firewall.Packet(
         src, dst, "new", "udp", src_port=source_port, dst_port=target_port, in_interface=entry, out_interface=way
     )
-    back = Packet(
+    back = firewall.Packet(
         dst,
         src,
         "established",
@@ -74,20 +74,20 @@ def carry(  # noqa: PLR0913, PLR0917 - a flow, and what passed of it
     )
     name = topology.interfaces[way].name
     _count_matches(core, _MANGLE, "forward", out, *up)
-    if _count_matches(core, _FILTER, "forward", out, *up) is not PacketVerdict.ACCEPT:
+    if _count_matches(core, _FILTER, "forward", out, *up) is not firewall.PacketVerdict.ACCEPT:
         return {"port": name, "passed": False}
     core.count(name, is_received=False, size=up[1])
     _count_matches(core, _MANGLE, "forward", back, *down)
     core.count(name, is_received=True, size=down[1])
-    has_passed = _count_matches(core, _FILTER, "forward", back, *down) is PacketVerdict.ACCEPT
+    has_passed = _count_matches(core, _FILTER, "forward", back, *down) is firewall.PacketVerdict.ACCEPT
     return {"port": name, "passed": has_passed}
 
 
 def _count_matches(  # noqa: PLR0913, PLR0917 - packets in a chain
-    core: Core, table: str, chain: str, packet: Packet, number: int, octets: int
-) -> PacketVerdict:
+    core: Core, table: str, chain: str, packet: firewall.Packet, number: int, octets: int
+) -> firewall.PacketVerdict:
     rules: list[int] = []
-    verdict = walk(core.topology, table, chain, packet, matched_ids=rules)
+    verdict = firewall.walk(core.topology, table, chain, packet, matched_ids=rules)
     for rule in rules:
         packets, bytes_met = core.met.get((table, rule), (0, 0))
         core.met[table, rule] = packets + number, bytes_met + octets

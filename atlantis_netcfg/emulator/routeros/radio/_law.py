@@ -13,12 +13,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.radio._settings import Driver, RadioSettings, ghz_of, standards_of
+from atlantis_netcfg.emulator.routeros.radio import _settings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from atlantis_netcfg.emulator.routeros.radio._settings import Air
 
 _CEPT = frozenset(
     (
@@ -112,7 +111,9 @@ def free_space_loss_db(distance_m: float, frequency_mhz: float) -> float:
     return max(0.0, 20 * math.log10(4 * math.pi * distance_m * frequency_mhz * 1e6 / _LIGHT_M_S))
 
 
-def signal_dbm(sender: RadioSettings, receiver: RadioSettings, frequency_mhz: int, air: Air) -> float:
+def signal_dbm(
+    sender: _settings.RadioSettings, receiver: _settings.RadioSettings, frequency_mhz: int, air: _settings.Air
+) -> float:
     """Return what `receiver` hears of `sender`."""
     rule = within(sender.country, frequency_mhz, "20mhz", outdoor=False, lawless=sender.lawless)
     eirp = sender.power_dbm + sender.gain_dbi
@@ -121,12 +122,12 @@ def signal_dbm(sender: RadioSettings, receiver: RadioSettings, frequency_mhz: in
     return eirp - free_space_loss_db(air.distance_m, frequency_mhz) - air.loss_db + receiver.gain_dbi
 
 
-def why_not(settings: RadioSettings, other: RadioSettings, air: Air) -> str:
+def why_not(settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air) -> str:
     """Return why the two are not connected; empty: they agree."""
     return next(_reasons(settings, other, air), "")
 
 
-def _reasons(settings: RadioSettings, other: RadioSettings, air: Air) -> Iterator[str]:
+def _reasons(settings: _settings.RadioSettings, other: _settings.RadioSettings, air: _settings.Air) -> Iterator[str]:
     if not (settings.is_enabled and other.is_enabled):
         yield "a radio is disabled"
     if settings.is_ap == other.is_ap:
@@ -145,7 +146,7 @@ def _reasons(settings: RadioSettings, other: RadioSettings, air: Air) -> Iterato
     yield from _distance(ap, station, air)
 
 
-def _roles(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
+def _roles(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
     if ap.driver is not station.driver:
         yield "station-bridge does not work between the two drivers"
     if station.mode != "station-bridge" or not ap.bridges_stations:
@@ -154,19 +155,19 @@ def _roles(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
         yield "the protocols differ"
 
 
-def why_silent(ap: RadioSettings, air: Air) -> str:
+def why_silent(ap: _settings.RadioSettings, air: _settings.Air) -> str:
     """Return why an access point does not speak on its channel; empty: it does."""
     low, high = span(ap.channel_mhz, ap.width or "20mhz")
-    if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != ghz_of(ap.band):
+    if not (air.lowest_mhz <= low and high <= air.highest_mhz) or ap.channel_mhz // 1000 != _settings.ghz_of(ap.band):
         return "the radio does not have this channel"
     if within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless) is None:
         return "the country does not allow this channel"
     return "a radar is on this channel" if ap.channel_mhz in air.radar_mhz else ""
 
 
-def _channel(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
-    bands = standards_of(ap.band, ap.driver) & standards_of(station.band, station.driver)
-    if ghz_of(ap.band) != ghz_of(station.band) or not bands:
+def _channel(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
+    bands = _settings.standards_of(ap.band, ap.driver) & _settings.standards_of(station.band, station.driver)
+    if _settings.ghz_of(ap.band) != _settings.ghz_of(station.band) or not bands:
         yield "the bands differ"
     if ap.width != station.width:
         yield "the channel widths differ"
@@ -179,27 +180,27 @@ def _channel(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
         yield "the station does not look on this channel"
 
 
-def _key(radio: RadioSettings, protocol: str) -> tuple[object, ...]:
+def _key(radio: _settings.RadioSettings, protocol: str) -> tuple[object, ...]:
     """With nv2 the security profile is not used, but `nv2-security` (Manual, Nv2)."""
     return (radio.nv2_key,) if protocol == "nv2" else (radio.authentication, radio.passphrase)
 
 
-def _same_secret(ap: RadioSettings, station: RadioSettings) -> bool:
+def _same_secret(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> bool:
     """One way of authentication in common is enough, with the same passphrase."""
     if ap.speaks == "nv2":
         return False
     return bool(ap.authentication & station.authentication) and ap.passphrase == station.passphrase
 
 
-def _lists(ap: RadioSettings, station: RadioSettings) -> Iterator[str]:
+def _lists(ap: _settings.RadioSettings, station: _settings.RadioSettings) -> Iterator[str]:
     for here, there in ((ap, station), (station, ap)):
         if there.mac not in here.admits and here.refuses & {there.mac, "*"}:
             yield "a list turns the other end away"
 
 
-def _distance(ap: RadioSettings, station: RadioSettings, air: Air) -> Iterator[str]:
+def _distance(ap: _settings.RadioSettings, station: _settings.RadioSettings, air: _settings.Air) -> Iterator[str]:
     limits = [each.reach_km for each in (ap, station) if each.reach_km is not None]
-    counts = ap.speaks == "nv2" or ap.driver is Driver.WIFI
+    counts = ap.speaks == "nv2" or ap.driver is _settings.Driver.WIFI
     if counts and limits and air.distance_m > min(limits) * 1000:
         yield "ranging timeout: the ends are set to a shorter distance"
     weakest = min(signal_dbm(ap, station, ap.channel_mhz, air), signal_dbm(station, ap, ap.channel_mhz, air))

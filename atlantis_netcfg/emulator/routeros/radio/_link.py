@@ -12,13 +12,11 @@ import asyncio
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.emulator.routeros.radio._law import signal_dbm, why_not, why_silent, within
+from atlantis_netcfg.emulator.routeros.radio import _law, _settings
 from atlantis_netcfg.emulator.routeros.radio._read import radio_item, settings_of
-from atlantis_netcfg.emulator.routeros.radio._settings import Peer, RadioSettings, RadioState
 
 if TYPE_CHECKING:
     from atlantis_netcfg.emulator.routeros.core import Core
-    from atlantis_netcfg.emulator.routeros.radio._settings import Air, RadioPair
     from atlantis_netcfg.emulator.routeros.router import EmulatedRouter
 
 
@@ -30,7 +28,7 @@ _WEATHER = range(5590, 5661)
 class _RadioEnd:
     router: EmulatedRouter
     radio: str
-    settings: RadioSettings | None = None
+    settings: _settings.RadioSettings | None = None
     since: float = 0.0
     """When it became what it is now."""
 
@@ -48,8 +46,8 @@ class _RadioEnd:
 class RadioLink:
     """Belongs to the event loop of its twins; both have to be running."""
 
-    def __init__(self, pair: RadioPair, near: EmulatedRouter, far: EmulatedRouter) -> None:
-        self.air: Air = pair.air
+    def __init__(self, pair: _settings.RadioPair, near: EmulatedRouter, far: EmulatedRouter) -> None:
+        self.air: _settings.Air = pair.air
         self.up = False
         self.since = 0.0
         """When it came up."""
@@ -72,7 +70,7 @@ class RadioLink:
         for end in (self.near, self.far):
             end.router.on_radio(None, None)
 
-    def change(self, air: Air) -> None:
+    def change(self, air: _settings.Air) -> None:
         """Put other air between the ends."""
         self.air = air
         self.look()
@@ -83,7 +81,7 @@ class RadioLink:
         near, far = self.near.settings, self.far.settings
         if near is None or far is None:
             return "a radio is not there"
-        return why_not(near, far, self.air)
+        return _law.why_not(near, far, self.air)
 
     def look(self) -> None:
         """See what has become of the link; tell both ends and everybody who sends over it."""
@@ -109,8 +107,8 @@ class RadioLink:
         ready = max(end.since + (self._wait(settings) if settings.is_ap else 0.0) for end, settings in ends)
         return ready + self.air.association_s
 
-    def _wait(self, ap: RadioSettings) -> float:
-        rule = within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
+    def _wait(self, ap: _settings.RadioSettings) -> float:
+        rule = _law.within(ap.country, ap.channel_mhz, ap.width or "20mhz", outdoor=ap.outdoor, lawless=ap.lawless)
         if rule is None or not rule.dfs:
             return 0.0
         return self.air.weather_wait_s if ap.channel_mhz in _WEATHER else self.air.dfs_wait_s
@@ -156,18 +154,22 @@ class RadioLink:
                 end.core.linked = linked_radios
                 end.core.store.revision += 1
 
-    def _state(self, end: _RadioEnd, mine: RadioSettings, theirs: RadioSettings | None, now: float) -> RadioState:
+    def _state(
+        self, end: _RadioEnd, mine: _settings.RadioSettings, theirs: _settings.RadioSettings | None, now: float
+    ) -> _settings.RadioState:
         if not mine.is_enabled:
-            return RadioState("disabled")
+            return _settings.RadioState("disabled")
         peer = None
         if self.up and theirs is not None:
             channel = (mine if mine.is_ap else theirs).channel_mhz
-            near_signal = signal_dbm(theirs, mine, channel, self.air)
-            there = signal_dbm(mine, theirs, channel, self.air)
-            peer = Peer(theirs, near_signal, there, channel, self.since, max(1, round(self.air.distance_m / 1000)))
+            near_signal = _law.signal_dbm(theirs, mine, channel, self.air)
+            there = _law.signal_dbm(mine, theirs, channel, self.air)
+            peer = _settings.Peer(
+                theirs, near_signal, there, channel, self.since, max(1, round(self.air.distance_m / 1000))
+            )
         if not mine.is_ap:
-            return RadioState("connected-to-ess" if peer is not None else "searching-for-network", peer)
-        if why_silent(mine, self.air):
-            return RadioState("radar-detecting", None)
+            return _settings.RadioState("connected-to-ess" if peer is not None else "searching-for-network", peer)
+        if _law.why_silent(mine, self.air):
+            return _settings.RadioState("radar-detecting", None)
         listens = now < end.since + self._wait(mine)
-        return RadioState("radar-detecting" if listens else "running-ap", peer)
+        return _settings.RadioState("radar-detecting" if listens else "running-ap", peer)

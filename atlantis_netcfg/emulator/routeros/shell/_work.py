@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Protocol
 
 from atlantis_netcfg.emulator.routeros.device import ConsoleReply
-from atlantis_netcfg.emulator.routeros.wire.link import FaultKind, LinkFault, TrafficCounters, mask_words
+from atlantis_netcfg.emulator.routeros.wire import link
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ class ConnectionLost(Exception):
 
 
 class _PipeTransport(Protocol):
-    tally: TrafficCounters
+    tally: link.TrafficCounters
 
     @property
     def over(self) -> bool: ...
@@ -44,17 +44,17 @@ class WorkItem:
         await self.end(faults)
         return _spoilt(faults, reply)
 
-    async def begin(self, line: str) -> list[LinkFault]:
+    async def begin(self, line: str) -> list[link.LinkFault]:
         """What comes before the work."""
         self._wire.tally.counters.sentences += 1
-        self._wire.tally.sentences.append(mask_words((line,)))
+        self._wire.tally.sentences.append(link.mask_words((line,)))
         faults = self._host.upon(line)
         await self._suffer(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
         self._check()
         return faults
 
-    async def end(self, faults: Sequence[LinkFault]) -> None:
+    async def end(self, faults: Sequence[link.LinkFault]) -> None:
         """What comes between the work and its answer."""
         await self._host.settle()
         self._host.tell()
@@ -65,27 +65,27 @@ class WorkItem:
         if self._wire.over:
             raise ConnectionLost
 
-    async def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
+    async def _suffer(self, faults: Sequence[link.LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
-            if fault.do is FaultKind.DROP:
+            if fault.do is link.FaultKind.DROP:
                 self._wire.drop()
-            elif fault.do is FaultKind.VANISH:
+            elif fault.do is link.FaultKind.VANISH:
                 self._wire.vanish()
-            elif fault.do is FaultKind.HANG:
+            elif fault.do is link.FaultKind.HANG:
                 await asyncio.Event().wait()
             else:
                 self._host.strike(fault)
 
 
-def _spoilt(faults: Sequence[LinkFault], reply: ConsoleReply) -> ConsoleReply:
+def _spoilt(faults: Sequence[link.LinkFault], reply: ConsoleReply) -> ConsoleReply:
     text = reply.text
     for fault in faults:
         at = fault.offset
-        if fault.do is FaultKind.TRUNCATE:
+        if fault.do is link.FaultKind.TRUNCATE:
             return ConsoleReply(text[: len(text) // 2 if at is None else at], over=True)
-        if fault.do is FaultKind.GARBAGE:
+        if fault.do is link.FaultKind.GARBAGE:
             garbage = bytes.fromhex(fault.data).decode(errors="surrogateescape")
             return replace(reply, text=text[: at or 0] + garbage + text[at or 0 :])
     return reply

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from atlantis_netcfg.emulator.routeros.shell.keys import EditedLine, Key, Keyboard, Pages, Position, Screen, fold
+from atlantis_netcfg.emulator.routeros.shell import keys
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -140,7 +140,7 @@ class ConsoleSession:
     """
 
     def __init__(
-        self, talk: ConsoleDevice, screen: Screen, write: Callable[[bytes], None], *, has_size: bool = True
+        self, talk: ConsoleDevice, screen: keys.Screen, write: Callable[[bytes], None], *, has_size: bool = True
     ) -> None:
         self.talk = talk
         self.over = False
@@ -148,18 +148,18 @@ class ConsoleSession:
         """It ended by `/quit`: what was done in safe mode stays."""
         self._write = write
         self._sized = has_size or not screen.detect
-        self._keyboard = Keyboard()
-        self._line = EditedLine(screen)
+        self._keyboard = keys.Keyboard()
+        self._line = keys.EditedLine(screen)
         self._history: list[str] = []
         self._recall = 0
-        self._mode: Callable[[str | Key], Awaitable[None]] = self._waiting
+        self._mode: Callable[[str | keys.Key], Awaitable[None]] = self._waiting
         self._answer: Callable[[str], Awaitable[None]]
-        self._pages = Pages("", screen)
+        self._pages = keys.Pages("", screen)
         self.begun = False
         """The terminal is known, or will not be."""
 
     @property
-    def screen(self) -> Screen:
+    def screen(self) -> keys.Screen:
         """What the console believes about the terminal."""
         return self._line.screen
 
@@ -182,9 +182,9 @@ class ConsoleSession:
         for key in self._keyboard.feed(data):
             if self.over:
                 return
-            if isinstance(key, Position):
+            if isinstance(key, keys.Position):
                 self._set_size(key)
-            if key is Key.TERMINAL_ID or isinstance(key, Position):
+            if key is keys.Key.TERMINAL_ID or isinstance(key, keys.Position):
                 await self.give_up()
             else:
                 await self._mode(key)
@@ -209,7 +209,7 @@ class ConsoleSession:
     def lines(self, text: str) -> None:
         """Show whole lines."""
         if text and self._sized:
-            self.say("".join(f"{line}\r\n" for line in fold(text, self.screen.width)))
+            self.say("".join(f"{line}\r\n" for line in keys.fold(text, self.screen.width)))
 
     def ask(self, question: str, answer: Callable[[str], Awaitable[None]]) -> None:
         """Wait for one key after a question."""
@@ -225,11 +225,11 @@ class ConsoleSession:
 
     # --- beginning -------------------------------------------------------------------------------------------------
 
-    def _set_size(self, corner: Position) -> None:
+    def _set_size(self, corner: keys.Position) -> None:
         self._sized = True
         self._line.screen = self.screen.resize(corner.column, corner.row)
 
-    async def _waiting(self, key: str | Key) -> None:
+    async def _waiting(self, key: str | keys.Key) -> None:
         """What is typed before the prompt is there is lost. Assumption: console-first-login."""
 
     async def _begin(self) -> None:
@@ -246,39 +246,44 @@ class ConsoleSession:
 
     # --- at the prompt ---------------------------------------------------------------------------------------------
 
-    async def _at_prompt(self, key: str | Key) -> None:
+    async def _at_prompt(self, key: str | keys.Key) -> None:
         if isinstance(key, str):
             self.say(self._line.insert(key))
-        elif key is Key.ENTER:
+        elif key is keys.Key.ENTER:
             await self._enter()
-        elif key is Key.SAFE:
+        elif key is keys.Key.SAFE:
             self.say("\r\n")
             await self._show_reply(await self.talk.safe_key(""), "")
-        elif key is Key.CANCEL:
+        elif key is keys.Key.CANCEL:
             self.say("\r\n")
             await self._show_prompt()
-        elif key is Key.EOF and not self._line.text:
+        elif key is keys.Key.EOF and not self._line.text:
             self.say("\r\x1b7\x1b8" if not self.screen.dumb else "\r\n")
             self.over = True
-        elif key in (Key.UP, Key.DOWN):
-            self._remember(-1 if key is Key.UP else 1)
+        elif key in (keys.Key.UP, keys.Key.DOWN):
+            self._remember(-1 if key is keys.Key.UP else 1)
         else:
             self.say(self._edit(key))
 
-    def _edit(self, key: Key) -> str:
+    def _edit(self, key: keys.Key) -> str:
         line = self._line
-        moves = {Key.LEFT: line.at - 1, Key.RIGHT: line.at + 1, Key.HOME: 0, Key.END: len(line.text)}
+        moves = {
+            keys.Key.LEFT: line.at - 1,
+            keys.Key.RIGHT: line.at + 1,
+            keys.Key.HOME: 0,
+            keys.Key.END: len(line.text),
+        }
         if key in moves:
             return line.move(moves[key])
-        if key is Key.BACKSPACE:
+        if key is keys.Key.BACKSPACE:
             return line.erase()
-        if key in (Key.DELETE, Key.EOF):
+        if key in (keys.Key.DELETE, keys.Key.EOF):
             return line.erase(ahead=True)
-        if key is Key.KILL_LINE:
+        if key is keys.Key.KILL_LINE:
             return line.replace("")
-        if key is Key.KILL_END:
+        if key is keys.Key.KILL_END:
             return line.cut()
-        return line.repaint() if key is Key.REDRAW and not line.screen.dumb else ""
+        return line.repaint() if key is keys.Key.REDRAW and not line.screen.dumb else ""
 
     def _remember(self, step: int) -> None:
         self._recall = min(max(self._recall + step, 0), len(self._history))
@@ -306,7 +311,7 @@ class ConsoleSession:
         elif reply.asks:
             self.ask(reply.asks, lambda key: self._decide(key, line))
         elif reply.is_paged and not self.screen.dumb and self._sized:
-            self._pages = Pages(reply.text, self.screen)
+            self._pages = keys.Pages(reply.text, self.screen)
             await self._page(self._pages.next())
         else:
             self.lines(reply.text)
@@ -324,34 +329,34 @@ class ConsoleSession:
 
     # --- other than the prompt -------------------------------------------------------------------------------------
 
-    async def _at_question(self, key: str | Key) -> None:
-        if key is Key.FEED:
+    async def _at_question(self, key: str | keys.Key) -> None:
+        if key is keys.Key.FEED:
             return
         self._mode = self._waiting
-        await self._answer(key if isinstance(key, str) else "\x03" if key is Key.CANCEL else "\r")
+        await self._answer(key if isinstance(key, str) else "\x03" if key is keys.Key.CANCEL else "\r")
 
-    async def _at_secret(self, key: str | Key) -> None:
+    async def _at_secret(self, key: str | keys.Key) -> None:
         if isinstance(key, str):
             self.say(self._line.insert(key))
-        elif key is Key.BACKSPACE:
+        elif key is keys.Key.BACKSPACE:
             self.say(self._line.erase())
-        elif key in (Key.ENTER, Key.CANCEL):
-            text = self._line.text if key is Key.ENTER else "\x03"
+        elif key in (keys.Key.ENTER, keys.Key.CANCEL):
+            text = self._line.text if key is keys.Key.ENTER else "\x03"
             self.say("\r\n")
             await self._answer(text)
-        elif key is Key.EOF:
+        elif key is keys.Key.EOF:
             self.over = True
 
-    async def _at_pager(self, key: str | Key) -> None:
-        if key is Key.FEED:
+    async def _at_pager(self, key: str | keys.Key) -> None:
+        if key is keys.Key.FEED:
             return
         self.say("\r\x1b[K")
-        if key in ("q", "Q", Key.CANCEL):
+        if key in ("q", "Q", keys.Key.CANCEL):
             await self._show_prompt()
         elif key in ("d", "D"):
             await self._page(self._pages.rest())
         else:
-            await self._page(self._pages.next(1 if key in (Key.DOWN, Key.ENTER) else None))
+            await self._page(self._pages.next(1 if key in (keys.Key.DOWN, keys.Key.ENTER) else None))
 
     async def _page(self, text: str) -> None:
         self.say(text)

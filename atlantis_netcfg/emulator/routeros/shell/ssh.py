@@ -29,8 +29,8 @@ from atlantis_netcfg.emulator.routeros.shell._work import ConnectionLost, WorkIt
 from atlantis_netcfg.emulator.routeros.shell.keys import Screen, split_login
 from atlantis_netcfg.emulator.routeros.shell.session import ConsoleSession
 from atlantis_netcfg.emulator.routeros.shell.sftp import Sftp
+from atlantis_netcfg.emulator.routeros.wire import link
 from atlantis_netcfg.emulator.routeros.wire.host import Pipe, RouterHost
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, LineEnd, TrafficCounters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Coroutine
@@ -49,7 +49,7 @@ class SshConnection:
     def __init__(self, host: RouterHost, device: Device, *, address: str, key: Callable[[], bytes]) -> None:
         self.host = host
         self.device = device
-        self.tally = TrafficCounters("ssh")
+        self.tally = link.TrafficCounters("ssh")
         self.pipe = Pipe(host, "ssh")
         self.pipe.end = self
         self.labour = WorkItem(host, self)
@@ -84,9 +84,9 @@ class SshConnection:
         """The connection is there."""
         self._accepted.set()
 
-    def handle_chunk(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: link.Chunk) -> None:
         """The client is heard."""
-        if chunk.end is LineEnd.FIN and self._near is not None and not self._near.is_closing():
+        if chunk.end is link.LineEnd.FIN and self._near is not None and not self._near.is_closing():
             self._near.write_eof()
         elif chunk.end is not None:
             self.hang_up()
@@ -158,12 +158,12 @@ class SshConnection:
         if not self.over:
             self._sent += 1
             self.tally.counters.wire_out += len(data)
-            self.pipe.depart(Chunk(data, heard_count=self._sent))
+            self.pipe.depart(link.Chunk(data, heard_count=self._sent))
 
     def hang_up(self) -> None:
         """The router closes in good order, and knows that it is closed."""
         if not self._closed:
-            self.pipe.depart(Chunk(end=LineEnd.FIN))
+            self.pipe.depart(link.Chunk(end=link.LineEnd.FIN))
             self._closed = True
             self.handle_loss()
 

@@ -17,14 +17,7 @@ from ipaddress import (
     ip_network,
 )
 
-from atlantis_netcfg.emulator.routeros.values._plain import (
-    INVALID,
-    NOT_OFFERED,
-    BadValue,
-    NamesValue,
-    ValueType,
-    reference,
-)
+from atlantis_netcfg.emulator.routeros.values import _plain
 
 _HOST_NAME = re.compile(r"(?=.{1,253}$)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_-]{1,63})*\.?")
 _SHORT = re.compile(r"(?<![\w.:/-])(\d{1,3}(?:\.\d{1,3})?)\.(\d{1,3})(?![\w.:/-])")
@@ -41,11 +34,11 @@ def _address(text: str, *, v6: bool = True) -> str:
     try:
         return str(ip_address(text) if v6 else IPv4Address(text))
     except ValueError as error:
-        raise BadValue from error
+        raise _plain.BadValue from error
 
 
 @dataclass(frozen=True, slots=True)
-class Address(ValueType):
+class Address(_plain.ValueType):
     """One IP address; `names`: or a DNS name; `v6=False`: IPv4 only; `empty`: or nothing."""
 
     v6: bool = True
@@ -53,7 +46,7 @@ class Address(ValueType):
     empty: bool = False
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Normalise the address."""
         if (not text and self.empty) or text in self.words:
             return text
@@ -68,26 +61,26 @@ class Address(ValueType):
 
 
 @dataclass(frozen=True, slots=True)
-class AddressesValue(ValueType):
+class AddressesValue(_plain.ValueType):
     """A list of addresses, perhaps empty."""
 
     element: Address = Address()
 
-    def parse(self, text: str, names: NamesValue) -> str:
+    def parse(self, text: str, names: _plain.NamesValue) -> str:
         """Normalise each."""
         return ",".join(self.element.parse(part, names) for part in text.split(",")) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
-class HostPrefix(ValueType):
+class HostPrefix(_plain.ValueType):
     """An address with the length of its network, `10.0.0.1/24`; without a length it is a /32."""
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Take `10.0.0.1/24` and `10.0.0.1/255.255.255.0`."""
         try:
             return str(IPv4Interface(text))
         except (AddressValueError, NetmaskValueError) as error:
-            raise BadValue from error
+            raise _plain.BadValue from error
 
     def code(self, text: str) -> str:
         """Print what stands for the missing length too."""
@@ -103,7 +96,7 @@ class HostPrefix(ValueType):
 
 
 @dataclass(frozen=True, slots=True)
-class Prefixes(ValueType):
+class Prefixes(_plain.ValueType):
     """One network or (`many`) a list of them; host bits are cleared, as RouterOS does. A single address is a /32."""
 
     many: bool = False
@@ -111,7 +104,7 @@ class Prefixes(ValueType):
     empty: str | None = None
     """What an empty text stands for; None: it is refused."""
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Normalise each network."""
         text = text if text or self.empty is None else self.empty
         parts = text.split(",") if self.many and text else [text] if text or not self.many else []
@@ -121,32 +114,32 @@ class Prefixes(ValueType):
         try:
             return str(ip_network(text, strict=False) if self.v6 else IPv4Network(text, strict=False))
         except ValueError as error:
-            raise BadValue from error
+            raise _plain.BadValue from error
 
 
 def _range(text: str) -> str:
     first, dash, last = text.partition("-")
     if dash:
         if not last:
-            raise BadValue("value of range must have ip address after '-'")
+            raise _plain.BadValue("value of range must have ip address after '-'")
         low, high = _address(first, v6=False), _address(last, v6=False)
         if IPv4Address(low) > IPv4Address(high):
-            raise BadValue
+            raise _plain.BadValue
         return f"{low}-{high}"
     try:
         network = IPv4Network(text, strict=False)
     except ValueError as error:
-        raise BadValue from error
+        raise _plain.BadValue from error
     return str(network.network_address) if network.prefixlen == _WHOLE else str(network)
 
 
 @dataclass(frozen=True, slots=True)
-class Matcher(ValueType):
+class Matcher(_plain.ValueType):
     """What a rule matches or an address list holds: address, network or range of IPv4; `dns`: or a DNS name."""
 
     dns: bool = False
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Normalise it; a /32 is printed as its address."""
         if self.dns and re.search(r"[A-Za-z]", text) and _HOST_NAME.fullmatch(text):
             return text
@@ -162,46 +155,46 @@ class Matcher(ValueType):
 
 
 @dataclass(frozen=True, slots=True)
-class Ranges(ValueType):
+class Ranges(_plain.ValueType):
     """The ranges of a pool, separated by commas."""
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Normalise each range."""
         return ",".join(map(_range, text.split(",")))
 
 
 @dataclass(frozen=True, slots=True)
-class Mac(ValueType):
+class Mac(_plain.ValueType):
     """A MAC address, printed in capitals with colons."""
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Take `:`, `-` and `.` between the bytes."""
         if not re.fullmatch(r"[0-9A-Fa-f]{2}(?:([:.-])[0-9A-Fa-f]{2})(?:\1[0-9A-Fa-f]{2}){4}", text):
-            raise BadValue
+            raise _plain.BadValue
         return re.sub(r"[.-]", ":", text).upper()
 
 
 @dataclass(frozen=True, slots=True)
-class Ports(ValueType):
+class Ports(_plain.ValueType):
     """Ports and ranges of ports: `80,443,1000-2000`; `single`: one port or range only."""
 
     single: bool = False
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Check every number."""
         parts = text.split(",")
         if self.single and len(parts) > 1:
-            raise BadValue
+            raise _plain.BadValue
         return ",".join(map(self._ports, parts))
 
     @staticmethod
     def _ports(text: str) -> str:
         match = re.fullmatch(r"(\d+)(?:-(\d+))?", text)
         if match is None:
-            raise BadValue
+            raise _plain.BadValue
         low, high = int(match[1]), int(match[2] or match[1])
         if not low <= high <= _LAST_PORT:
-            raise BadValue
+            raise _plain.BadValue
         return str(low) if match[2] is None else f"{low}-{high}"
 
 
@@ -209,38 +202,38 @@ _QUAD = re.compile(r"\d+(?:\.\d+){3}(?:/\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Plausible(ValueType):
+class Plausible(_plain.ValueType):
     """A text of which only this much is known: what looks like an IPv4 address, or with `ports` like a port, is one."""
 
     ports: bool = False
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Check every part that looks like one; all else is taken as it comes."""
         for part in re.split("[,-]", text.removeprefix("!")):
             if self.ports and part.isdecimal() and int(part) > _LAST_PORT:
-                raise BadValue
+                raise _plain.BadValue
             if not self.ports and _QUAD.fullmatch(part):
                 _range(part)
         return text
 
 
 @dataclass(frozen=True, slots=True)
-class GatewayValue(ValueType):
+class GatewayValue(_plain.ValueType):
     """A next hop: address, interface, or both (`10.0.0.1%ether1`), perhaps looked up in a VRF (`10.0.0.1@main`)."""
 
-    def parse(self, text: str, names: NamesValue) -> str:
+    def parse(self, text: str, names: _plain.NamesValue) -> str:
         """Turn interfaces and VRFs into references; the hop of a black hole may be empty (`commands/_checks.py`)."""
         if not text:
             return ""
         hop, at, vrf = text.partition("@")
         if at and (number := names.id_of("table", vrf)) is not None:
-            return self._hop(hop, names) + "@" + reference("table", number)
+            return self._hop(hop, names) + "@" + _plain.reference("table", number)
         if at:
-            raise BadValue
+            raise _plain.BadValue
         return self._hop(hop, names)
 
     @staticmethod
-    def _hop(text: str, names: NamesValue) -> str:
+    def _hop(text: str, names: _plain.NamesValue) -> str:
         address, percent, interface = text.partition("%")
         if not percent:
             try:
@@ -249,30 +242,30 @@ class GatewayValue(ValueType):
                 address, interface = "", text
         number = names.id_of("interface", interface)
         if number is None:
-            raise BadValue(NOT_OFFERED if percent or not interface[:1].isdecimal() else INVALID)
+            raise _plain.BadValue(_plain.NOT_OFFERED if percent or not interface[:1].isdecimal() else _plain.INVALID)
         host = _address(address) + "%" if percent else ""
-        return host + reference("interface", number)
+        return host + _plain.reference("interface", number)
 
 
 @dataclass(frozen=True, slots=True)
-class Ref(ValueType):
+class Ref(_plain.ValueType):
     """The name (or `*ID`) of a row of a space, or one of `words`."""
 
     spaces: tuple[str, ...]
     words: tuple[str, ...] = ()
 
-    def parse(self, text: str, names: NamesValue) -> str:
+    def parse(self, text: str, names: _plain.NamesValue) -> str:
         """Find the row."""
         if text in self.words:
             return text
         for space in self.spaces:
             number = _number(text, space, names)
             if number is not None:
-                return reference(space, number)
-        raise BadValue(NOT_OFFERED)
+                return _plain.reference(space, number)
+        raise _plain.BadValue(_plain.NOT_OFFERED)
 
 
-def _number(text: str, space: str, names: NamesValue) -> int | None:
+def _number(text: str, space: str, names: _plain.NamesValue) -> int | None:
     by_id = re.fullmatch(r"\*([0-9A-Fa-f]+)", text)
     if by_id is None:
         return names.id_of(space, text)
@@ -281,41 +274,41 @@ def _number(text: str, space: str, names: NamesValue) -> int | None:
 
 
 @dataclass(frozen=True, slots=True)
-class Refs(ValueType):
+class Refs(_plain.ValueType):
     """A list of rows of one space, perhaps empty; `between` is what parts them."""
 
     element: Ref
     between: str = ","
 
-    def parse(self, text: str, names: NamesValue) -> str:
+    def parse(self, text: str, names: _plain.NamesValue) -> str:
         """Find each row."""
         return self.between.join(self.element.parse(part, names) for part in text.split(self.between)) if text else ""
 
 
 @dataclass(frozen=True, slots=True)
-class Topics(ValueType):
+class Topics(_plain.ValueType):
     """Words of a fixed set, each with an optional `!`, in the order in which they were given."""
 
     words: tuple[str, ...]
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Take no other word."""
         for part in text.split(","):
             if part.removeprefix("!") not in self.words:
-                raise BadValue(NOT_OFFERED)
+                raise _plain.BadValue(_plain.NOT_OFFERED)
         return text
 
 
 @dataclass(frozen=True, slots=True)
-class PolicySet(ValueType):
+class PolicySet(_plain.ValueType):
     """A set of words that is printed whole: those in it, then those not in it with a `!` (`policy` of a user group)."""
 
     words: tuple[str, ...]
 
-    def parse(self, text: str, names: NamesValue) -> str:  # noqa: ARG002
+    def parse(self, text: str, names: _plain.NamesValue) -> str:  # noqa: ARG002
         """Take those without `!`; what is not named is not granted."""
         parts = text.split(",") if text else []
         if any(part.removeprefix("!") not in self.words for part in parts):
-            raise BadValue(NOT_OFFERED)
+            raise _plain.BadValue(_plain.NOT_OFFERED)
         inside = [word for word in self.words if word in parts]
         return ",".join([*inside, *(f"!{word}" for word in self.words if word not in parts)])

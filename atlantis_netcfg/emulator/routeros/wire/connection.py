@@ -8,17 +8,9 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.wire import link
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Reply, tag_of
 from atlantis_netcfg.emulator.routeros.wire.host import Pipe, RouterHost
-from atlantis_netcfg.emulator.routeros.wire.link import (
-    Chunk,
-    FaultKind,
-    Faults,
-    LineEnd,
-    LinkFault,
-    TrafficCounters,
-    mask_words,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -128,7 +120,7 @@ class Connection:
     """One API session on its wire."""
 
     def __init__(self, host: RouterHost, service: str) -> None:
-        self.tally = TrafficCounters(service)
+        self.tally = link.TrafficCounters(service)
         self.pipe = Pipe(host, service)
         self.pipe.end = self
         self._host = host
@@ -155,7 +147,7 @@ class Connection:
         """The connection is there."""
         self._channel = self._host.channel(self.pipe.service)
 
-    def handle_chunk(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: link.Chunk) -> None:
         """The client is heard."""
         if chunk.end is not None:
             self.hang_up()
@@ -193,7 +185,7 @@ class Connection:
 
     # Hearing.
 
-    def _decrypt(self, chunk: Chunk) -> None:
+    def _decrypt(self, chunk: link.Chunk) -> None:
         self.tally.counters.wire_in += len(chunk.data)
         try:
             plain = self._channel.receive(chunk.data)
@@ -205,7 +197,7 @@ class Connection:
             self._count_turn(chunk, len(plain))
             self._listen(plain, chunk.answer_count)
 
-    def _count_turn(self, chunk: Chunk, size: int) -> None:
+    def _count_turn(self, chunk: link.Chunk, size: int) -> None:
         self.tally.counters.bytes_in += size
         if chunk.heard_count > self._listened:
             self.tally.counters.turns += 1
@@ -263,7 +255,7 @@ class Connection:
             self.hang_up()
             return []
         self._note(sentence.words)
-        faults = self._host.upon(Faults.command(sentence.words))
+        faults = self._host.upon(link.Faults.command(sentence.words))
         self._suffer(faults, "before")
         await asyncio.sleep(self._host.pace.wait_s(self._host.knobs, asyncio.get_running_loop().time()))
         if self._over:
@@ -277,7 +269,7 @@ class Connection:
 
     def _note(self, words: tuple[str, ...]) -> None:
         self.tally.counters.sentences += 1
-        self.tally.sentences.append(mask_words(words))
+        self.tally.sentences.append(link.mask_words(words))
 
     def _run(self, sentence: _InboxItem) -> list[Reply]:
         stranger = self._dialogue.caller is None
@@ -287,28 +279,28 @@ class Connection:
             self._decoder.limit = _LONGEST_WORD
         return replies
 
-    def _suffer(self, faults: Sequence[LinkFault], when: str) -> None:
+    def _suffer(self, faults: Sequence[link.LinkFault], when: str) -> None:
         for fault in faults:
             if fault.when != when:
                 continue
-            if fault.do is FaultKind.DROP:
+            if fault.do is link.FaultKind.DROP:
                 self.drop()
-            elif fault.do is FaultKind.VANISH:
+            elif fault.do is link.FaultKind.VANISH:
                 self.vanish()
-            elif fault.do is FaultKind.HANG:
+            elif fault.do is link.FaultKind.HANG:
                 self._mute = True
             else:
                 self._host.strike(fault)
 
-    def _spoil(self, faults: Sequence[LinkFault], replies: list[Reply]) -> list[Reply]:
+    def _spoil(self, faults: Sequence[link.LinkFault], replies: list[Reply]) -> list[Reply]:
         """Say the answer cut off, or with garbage in it, if a fault wants it so."""
         for fault in faults:
-            if fault.do is FaultKind.TRUNCATE:
+            if fault.do is link.FaultKind.TRUNCATE:
                 whole = _encode(replies)
                 self._speak(whole[: len(whole) // 2 if fault.offset is None else fault.offset], 0)
                 self.hang_up()
                 return []
-            if fault.do is FaultKind.GARBAGE:
+            if fault.do is link.FaultKind.GARBAGE:
                 whole, at = _encode(replies), fault.offset or 0
                 self._speak(whole[:at] + bytes.fromhex(fault.data) + whole[at:], _count_completed(replies))
                 return []
@@ -338,7 +330,7 @@ class Connection:
     def _send(self, wire: bytes) -> None:
         if wire:
             self.tally.counters.wire_out += len(wire)
-            self.pipe.depart(Chunk(wire, heard_count=self._sent, answer_count=self._completed))
+            self.pipe.depart(link.Chunk(wire, heard_count=self._sent, answer_count=self._completed))
 
     def hang_up(self) -> None:
         """The router closes the connection in good order, and knows that it is closed."""
@@ -346,7 +338,7 @@ class Connection:
             return
         self._closed = True
         self._send(self._channel.flush() + self._channel.close())
-        self.pipe.depart(Chunk(end=LineEnd.FIN))
+        self.pipe.depart(link.Chunk(end=link.LineEnd.FIN))
         self.handle_loss()
 
 

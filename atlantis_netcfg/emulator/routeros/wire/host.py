@@ -7,7 +7,7 @@ import socket
 import struct
 from typing import TYPE_CHECKING, Protocol, cast
 
-from atlantis_netcfg.emulator.routeros.wire.link import Chunk, DelayLine, Direction, LineEnd
+from atlantis_netcfg.emulator.routeros.wire import link
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -15,20 +15,13 @@ if TYPE_CHECKING:
 
     from atlantis_netcfg.emulator.routeros.core import Service
     from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
-    from atlantis_netcfg.emulator.routeros.wire.link import (
-        LinkFault,
-        TrafficCounters,
-        WireBearer,
-        WireBehaviour,
-        WirePace,
-    )
     from atlantis_netcfg.emulator.routeros.wire.tls import ByteChannel
 
 
 class LinkMember(Protocol):
     """A connection as its router sees it."""
 
-    tally: TrafficCounters
+    tally: link.TrafficCounters
     pipe: Pipe
 
     def drop(self) -> None:
@@ -51,7 +44,7 @@ class RouterHost(Protocol):
     """What a connection needs of its router."""
 
     @property
-    def bearer(self) -> WireBearer:
+    def bearer(self) -> link.WireBearer:
         """What carries the bytes."""
 
     @property
@@ -59,11 +52,11 @@ class RouterHost(Protocol):
         """Cleared while the bearer has a gap."""
 
     @property
-    def knobs(self) -> WireBehaviour:
+    def knobs(self) -> link.WireBehaviour:
         """The knobs of this moment."""
 
     @property
-    def pace(self) -> WirePace:
+    def pace(self) -> link.WirePace:
         """How fast the router answers."""
 
     @property
@@ -99,10 +92,10 @@ class RouterHost(Protocol):
     def watch(self, task: asyncio.Task[None]) -> None:
         """Stop the twin with an error if `task` fails."""
 
-    def upon(self, command: str) -> list[LinkFault]:
+    def upon(self, command: str) -> list[link.LinkFault]:
         """Count a sentence; the faults that strike at it."""
 
-    def strike(self, fault: LinkFault) -> None:
+    def strike(self, fault: link.LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
 
     async def settle(self) -> None:
@@ -189,7 +182,7 @@ class RouterEnd(Protocol):
     def handle_accept(self) -> None:
         """The connection is there."""
 
-    def handle_chunk(self, chunk: Chunk) -> None:
+    def handle_chunk(self, chunk: link.Chunk) -> None:
         """The client is heard."""
 
     def handle_loss(self) -> None:
@@ -215,8 +208,8 @@ class Pipe(asyncio.Protocol):
         self._host = host
         self._path = False
         self._vanished = False
-        self._held_up: list[Chunk] = []
-        self._held_down: list[Chunk] = []
+        self._held_up: list[link.Chunk] = []
+        self._held_down: list[link.Chunk] = []
         self._received = self._answered = 0
         self._tasks: list[asyncio.Task[None]] = []
         self._silence: asyncio.TimerHandle | None = None
@@ -227,8 +220,8 @@ class Pipe(asyncio.Protocol):
         """A client's SYN is on its way."""
         self._transport = cast("asyncio.Transport", transport)
         bearer, air = self._host.bearer, self._host.air
-        self._up = DelayLine(bearer, Direction.UP, air, self._arrive)
-        self._down = DelayLine(bearer, Direction.DOWN, air, self._leave)
+        self._up = link.DelayLine(bearer, link.Direction.UP, air, self._arrive)
+        self._down = link.DelayLine(bearer, link.Direction.DOWN, air, self._leave)
         self._up.earliest = asyncio.get_running_loop().time() + bearer.connect_s
         self._tasks = [asyncio.create_task(work) for work in (self._up.pump(), self._down.pump(), self.end.work())]
         for task in self._tasks:
@@ -238,40 +231,40 @@ class Pipe(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """The client speaks."""
-        self._up.put(Chunk(data, heard_count=self._received, answer_count=self._answered))
+        self._up.put(link.Chunk(data, heard_count=self._received, answer_count=self._answered))
 
     def eof_received(self) -> bool:
         """The client will say no more, the router may still answer."""
-        self._up.put(Chunk(end=LineEnd.FIN))
+        self._up.put(link.Chunk(end=link.LineEnd.FIN))
         return True
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The client's socket is gone; the router learns it if the path lets it."""
         del exc
         if not self.ended:
-            self._up.put(Chunk(end=LineEnd.RST))
+            self._up.put(link.Chunk(end=link.LineEnd.RST))
 
-    def _leave(self, chunk: Chunk) -> None:
+    def _leave(self, chunk: link.Chunk) -> None:
         """The router is heard."""
         if chunk.end is not None:
-            self.stop(reset=chunk.end is LineEnd.RST)
+            self.stop(reset=chunk.end is link.LineEnd.RST)
         elif not self._transport.is_closing():
             self._transport.write(chunk.data)
             self._received, self._answered = chunk.heard_count, chunk.answer_count
 
     # The router's end.
 
-    def _arrive(self, chunk: Chunk) -> None:
+    def _arrive(self, chunk: link.Chunk) -> None:
         if self.ended:
             return
         if not self._path:
             self._held_up.append(chunk)
         elif self.lost:
-            self._down.put(Chunk(end=LineEnd.RST))
+            self._down.put(link.Chunk(end=link.LineEnd.RST))
         else:
             self.end.handle_chunk(chunk)
 
-    def depart(self, chunk: Chunk) -> None:
+    def depart(self, chunk: link.Chunk) -> None:
         """The router speaks; its own firewall sees that first."""
         if self.ended or self.lost:
             return
@@ -299,7 +292,7 @@ class Pipe(asyncio.Protocol):
         self.established = True
         self.lost = not self._host.admits(self.service)
         if self.lost:
-            self._down.put(Chunk(end=LineEnd.RST))
+            self._down.put(link.Chunk(end=link.LineEnd.RST))
         else:
             self.end.handle_accept()
 
@@ -328,7 +321,7 @@ class Pipe(asyncio.Protocol):
     def farewell(self) -> None:
         """The router closes its sockets before it goes down: EOF where the path lets it."""
         if self._path:
-            self._down.put(Chunk(end=LineEnd.FIN))
+            self._down.put(link.Chunk(end=link.LineEnd.FIN))
         self.forget()
 
     def vanish(self) -> None:

@@ -6,20 +6,9 @@ import asyncio
 import random
 from typing import TYPE_CHECKING
 
+from atlantis_netcfg.emulator.routeros.wire import link, tls
 from atlantis_netcfg.emulator.routeros.wire.connection import Connection
 from atlantis_netcfg.emulator.routeros.wire.dialogue import Dialogue
-from atlantis_netcfg.emulator.routeros.wire.link import (
-    Direction,
-    FaultKind,
-    Faults,
-    LinkFault,
-    RouterLink,
-    TrafficCounters,
-    WireBearer,
-    WireBehaviour,
-    WirePace,
-)
-from atlantis_netcfg.emulator.routeros.wire.tls import ByteChannel, Plain, Tls, context
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Mapping
@@ -40,7 +29,7 @@ class AccessPath:
         self._path = path
 
     @property
-    def bearer(self) -> WireBearer:
+    def bearer(self) -> link.WireBearer:
         """The same cable quality for all."""
         return self._host.bearer
 
@@ -50,12 +39,12 @@ class AccessPath:
         return self._host.air
 
     @property
-    def knobs(self) -> WireBehaviour:
+    def knobs(self) -> link.WireBehaviour:
         """The knobs of this moment."""
         return self._host.knobs
 
     @property
-    def pace(self) -> WirePace:
+    def pace(self) -> link.WirePace:
         """How fast the router answers."""
         return self._host.pace
 
@@ -78,7 +67,7 @@ class AccessPath:
         """A session in which nobody has logged in, from this way's technician."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
-    def channel(self, service: str) -> ByteChannel:
+    def channel(self, service: str) -> tls.ByteChannel:
         """TLS or plain."""
         return self._host.channel(service)
 
@@ -105,11 +94,11 @@ class AccessPath:
         """Stop the twin with an error if `task` fails."""
         self._host.watch(task)
 
-    def upon(self, command: str) -> list[LinkFault]:
+    def upon(self, command: str) -> list[link.LinkFault]:
         """Count a sentence; the faults that strike at it."""
         return self._host.upon(command)
 
-    def strike(self, fault: LinkFault) -> None:
+    def strike(self, fault: link.LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
         self._host.strike(fault)
 
@@ -135,15 +124,15 @@ class Switchboard:
         *,
         on_change: Callable[[], Awaitable[None]],
         certificate: Callable[[str], Path | None],
-        tallies: list[TrafficCounters],
+        tallies: list[link.TrafficCounters],
         others: Mapping[str, Callable[[RouterHost, str], LinkMember]],
     ) -> None:
-        self.bearer = WireBearer(RouterLink())
+        self.bearer = link.WireBearer(link.RouterLink())
         self.air = asyncio.Event()
         self.air.set()
-        self.pace = WirePace()
-        self.faults = Faults()
-        self.knobs = WireBehaviour()
+        self.pace = link.WirePace()
+        self.faults = link.Faults()
+        self.knobs = link.WireBehaviour()
         self.chance: random.Random | None = None
         self.booting = False
         self.radio: Callable[[], None] | None = None
@@ -199,14 +188,14 @@ class Switchboard:
         self._connections[connection.pipe] = connection
         return connection.pipe
 
-    def turn(self, knobs: WireBehaviour) -> None:
+    def turn(self, knobs: link.WireBehaviour) -> None:
         """Set the knobs; the shuffling begins anew."""
         self.chance = None if knobs.shuffle is None else random.Random(knobs.shuffle)  # noqa: S311 (repeatable, no secret)
         self.knobs = knobs
 
-    def _count(self, port: str | None, direction: Direction, size: int) -> None:
+    def _count(self, port: str | None, direction: link.Direction, size: int) -> None:
         """The device forgets it when it restarts, as a router does."""
-        self._device.core.count(port or self._path.port, is_received=direction is Direction.UP, size=size)
+        self._device.core.count(port or self._path.port, is_received=direction is link.Direction.UP, size=size)
 
     # Faults.
 
@@ -258,13 +247,13 @@ class Switchboard:
         """A session in which nobody has logged in."""
         return Dialogue(self._device, via=service, address=self._path.technician)
 
-    def channel(self, service: str) -> ByteChannel:
+    def channel(self, service: str) -> tls.ByteChannel:
         """TLS with the certificate of this moment, or plain."""
         if service != "api-ssl":
-            return Plain()
+            return tls.Plain()
         row = self._device.services()[service]
         pem = None if row.certificate is None else self._certificate(row.certificate)
-        return Tls(context(pem, newest="1.2" if row.tls_version == "only-1.2" else self.knobs.tls))
+        return tls.Tls(tls.context(pem, newest="1.2" if row.tls_version == "only-1.2" else self.knobs.tls))
 
     def admits(self, service: str, address: str | None = None) -> bool:
         """Does the service, which has seen a packet, talk to this client; `address` is his, if not the technician's."""
@@ -287,16 +276,16 @@ class Switchboard:
         """Neither end will be heard of again."""
         self._connections.pop(pipe, None)
 
-    def upon(self, command: str) -> list[LinkFault]:
+    def upon(self, command: str) -> list[link.LinkFault]:
         """Count a sentence; the faults that strike at it."""
         return self.faults.upon(command)
 
-    def strike(self, fault: LinkFault) -> None:
+    def strike(self, fault: link.LinkFault) -> None:
         """Let a fault happen that concerns more than one connection."""
-        if fault.do is FaultKind.GAP:
+        if fault.do is link.FaultKind.GAP:
             self.gap(fault.seconds)
-        elif fault.do in (FaultKind.REBOOT, FaultKind.POWER):
-            self.reboot(clean=fault.do is FaultKind.REBOOT)
+        elif fault.do in (link.FaultKind.REBOOT, link.FaultKind.POWER):
+            self.reboot(clean=fault.do is link.FaultKind.REBOOT)
 
     async def settle(self) -> None:
         """Let what has changed in the router take effect on its wire: reboot, listeners and flash, path."""

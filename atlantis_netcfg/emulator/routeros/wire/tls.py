@@ -20,11 +20,6 @@ from atlantis_netcfg.core.paths import write_private
 if TYPE_CHECKING:
     from pathlib import Path
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 class ByteChannel(Protocol):
     """What lies between the bytes of TCP and the words of the API."""

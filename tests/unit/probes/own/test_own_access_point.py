@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from atlantis_netcfg.checklist.probes import Cell, Step
+from atlantis_netcfg.checklist.probes.base import CommandResult, Place, RunProgram
 from atlantis_netcfg.checklist.probes.site_checks import steps
-from atlantis_netcfg.checklist.probes.step import CommandResult, Place, RunProgram
 from atlantis_netcfg.checklist.runner.simulated._world import gateway_computer
 from atlantis_netcfg.core.reading_programs import is_allowed
 from atlantis_netcfg.emulator.linux import ComputerSpec, InterfaceSpec

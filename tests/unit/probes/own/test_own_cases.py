@@ -48,7 +48,7 @@ def codes() -> Iterator[str]:
     for path in sorted(Path(site_checks.__path__[0]).glob("*.py")):
         calls = (node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call))
         for call in calls:
-            name = call.func.id if isinstance(call.func, ast.Name) else ""
+            name = ast.unparse(call.func).rpartition(".")[2]
             if name in {"good", "warn", "fail", "unknown"} and isinstance(call.args[0], ast.Constant):
                 yield str(call.args[0].value)
     yield from ("router-tunnel", "router-tunnel-address", "gateway-tunnel", "gateway-tunnel-address")

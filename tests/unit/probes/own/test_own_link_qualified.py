@@ -16,9 +16,9 @@ from atlantis_netcfg.checklist.runner.simulated._world import healthy
 from atlantis_netcfg.checklist.runner.simulated.environment import RehearsedEars
 from atlantis_netcfg.checklist.runner.simulated.measured_links import MeasuredLink
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose
 from atlantis_netcfg.cli.base.commands import load as load_command
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load

@@ -30,23 +30,22 @@ from atlantis_netcfg.checklist.probes import (
     robot,
     robot_files,
 )
-from atlantis_netcfg.checklist.probes.step import ProbeResult
+from atlantis_netcfg.checklist.probes.base import ProbeResult
 from atlantis_netcfg.checklist.report import ItemKind
 from atlantis_netcfg.checklist.runner import RealEars
 from atlantis_netcfg.checklist.runner.robots import vpn_members
 from atlantis_netcfg.checklist.runner.simulated import FAULTS
 from atlantis_netcfg.checklist.runner.simulated.robots import SimulatedRobots
 from atlantis_netcfg.cli import main
-from atlantis_netcfg.cli.base.arguments import parse
 from atlantis_netcfg.cli.base.commands import COMMANDS, choose
 from atlantis_netcfg.cli.base.commands import load as load_command
+from atlantis_netcfg.cli.base.syntax import parse
 from atlantis_netcfg.core.errors import ExitCode, UsageError
 from atlantis_netcfg.core.events import Verdict
 from atlantis_netcfg.inventory import Declaration, load
 from atlantis_netcfg.inventory._yaml import SealedSecret
 from atlantis_netcfg.inventory.model.robot import TopicKind
 from atlantis_netcfg.inventory.robots import reading
-from atlantis_netcfg.inventory.robots.reading import read_declared
 from atlantis_netcfg.operations.vpn.server_state import VpnSession
 from atlantis_netcfg.robots import observation as observed
 from atlantis_netcfg.robots.observation import RobotObservation
@@ -123,7 +122,7 @@ def test_one_listening_serves_all_items(coastal: Checklist) -> None:
 
 
 def test_the_files_are_read_once_for_a_list(declaration: Declaration) -> None:
-    with patch(f"{robot_files.__name__}.read_declared", wraps=read_declared) as read:
+    with patch(f"{reading.__name__}.read_declared", wraps=reading.read_declared) as read:
         plan(declaration, "coastal")
     assert read.call_count == 1
 

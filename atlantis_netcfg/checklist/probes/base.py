@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from atlantis_netcfg.checklist.report import Evidence, EvidenceType, ItemKind, Phase
+from atlantis_netcfg.checklist import report
 from atlantis_netcfg.core.events import Verdict, worst
-from atlantis_netcfg.inventory.model import Endpoints, EvidenceKind, Router, SeenFrom, Site, WifiEndpoint, WifiRole
+from atlantis_netcfg.inventory import model
 from atlantis_netcfg.links import BearerFinding
 
 if TYPE_CHECKING:
@@ -468,7 +468,7 @@ class ProbeResult:
 
     findings: tuple[BearerFinding, ...]
     """The worst comes to the item's verdict; its message is the first of those."""
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[report.Evidence, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
@@ -504,7 +504,7 @@ class Consent:
 class EvidenceRequest:
     """What a person has to give besides the answer that it holds."""
 
-    kind: EvidenceKind = EvidenceKind.NONE
+    kind: model.EvidenceKind = model.EvidenceKind.NONE
     unit: str = ""
     low: float | None = None
     high: float | None = None
@@ -512,7 +512,7 @@ class EvidenceRequest:
     @property
     def words(self) -> str:
         """`a number in V, 14.8 to 16.8`; empty where nothing has to be given."""
-        if self.kind is not EvidenceKind.NUMBER:
+        if self.kind is not model.EvidenceKind.NUMBER:
             return _EVIDENCE[self.kind]
         if self.low is None:
             return f"a number in {self.unit}, {self.high:g} at most"
@@ -525,7 +525,11 @@ class EvidenceRequest:
         return (self.low is not None and value < self.low) or (self.high is not None and value > self.high)
 
 
-_EVIDENCE = {EvidenceKind.NONE: "", EvidenceKind.TEXT: "a note with what was seen", EvidenceKind.PHOTO: "a photo"}
+_EVIDENCE = {
+    model.EvidenceKind.NONE: "",
+    model.EvidenceKind.TEXT: "a note with what was seen",
+    model.EvidenceKind.PHOTO: "a photo",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -535,8 +539,8 @@ class Step:
     name: str
     """Third part of the item's id; empty for the column's own, main item."""
     title: str
-    kind: ItemKind
-    phase: Phase
+    kind: report.ItemKind
+    phase: report.Phase
     probe: Probe | None = None
     """None: a person looks."""
     do: str = ""
@@ -556,9 +560,9 @@ class Step:
 
     def __post_init__(self) -> None:
         """Hold the three kinds apart."""
-        if not self.unless and (self.kind is ItemKind.PERSON) != (self.probe is None):
+        if not self.unless and (self.kind is report.ItemKind.PERSON) != (self.probe is None):
             raise ValueError(f"step `{self.title}`: a person's step has no probe, every other one has")
-        if (self.kind is ItemKind.ACTIVE) != (self.consent is not None):
+        if (self.kind is report.ItemKind.ACTIVE) != (self.consent is not None):
             raise ValueError(f"step `{self.title}`: consent is asked for active steps, and for all of them")
 
 
@@ -598,12 +602,12 @@ class Cell:
         return self.site_config.title if self.vehicle is None else self.declaration.vehicles[self.vehicle].name
 
     @property
-    def site_config(self) -> Site:
+    def site_config(self) -> model.Site:
         """The site."""
         return self.declaration.sites[self.site]
 
     @property
-    def endpoints(self) -> Endpoints:
+    def endpoints(self) -> model.Endpoints:
         """How the row's endpoints are seen."""
         if self.vehicle is not None:
             return self.declaration.vehicles[self.vehicle].endpoints
@@ -620,19 +624,19 @@ class Cell:
         return self.declaration.router_of(self.site)
 
     @property
-    def wifi(self) -> WifiEndpoint | None:
+    def wifi(self) -> model.WifiEndpoint | None:
         """The row's own Wi-Fi; a station of which nothing else is declared is seen by the router's access point."""
         wifi, router = self.endpoints.wifi, self.router
         if wifi is None or router is None or self.vehicle is None or wifi.seen_by is not None:
             return wifi
-        if wifi.role is WifiRole.ACCESS_POINT:
+        if wifi.role is model.WifiRole.ACCESS_POINT:
             return wifi
-        opens = isinstance(router.device, Router) and router.device.access_point is not None
+        opens = isinstance(router.device, model.Router) and router.device.access_point is not None
         return wifi.model_copy(update={"seen_by": router.name}) if opens else wifi
 
-    def place(self, seen_from: SeenFrom) -> Place:
+    def place(self, seen_from: model.SeenFrom) -> Place:
         """Where a probe of this cell stands: a site without a gateway is looked at from the laptop."""
-        if seen_from is SeenFrom.GATEWAY and self.gateway is not None:
+        if seen_from is model.SeenFrom.GATEWAY and self.gateway is not None:
             return Place.GATEWAY
         return Place.LAPTOP
 
@@ -644,19 +648,19 @@ class Cell:
         return next((str(reservation.address) for reservation in reservations), None)
 
 
-def measured_evidence(what: str, value: object, unit: str = "") -> Evidence:
+def measured_evidence(what: str, value: object, unit: str = "") -> report.Evidence:
     """Give what this tool has measured."""
-    return Evidence(type=EvidenceType.MEASURED, what=what, value=number(value, unit))
+    return report.Evidence(type=report.EvidenceType.MEASURED, what=what, value=number(value, unit))
 
 
-def read(what: str, value: object, unit: str = "") -> Evidence:
+def read(what: str, value: object, unit: str = "") -> report.Evidence:
     """Give what a device has said."""
-    return Evidence(type=EvidenceType.READ, what=what, value=number(value, unit))
+    return report.Evidence(type=report.EvidenceType.READ, what=what, value=number(value, unit))
 
 
-def declared_evidence(what: str, value: object) -> Evidence:
+def declared_evidence(what: str, value: object) -> report.Evidence:
     """Give what the inventory says."""
-    return Evidence(type=EvidenceType.DECLARED, what=what, value=str(value))
+    return report.Evidence(type=report.EvidenceType.DECLARED, what=what, value=str(value))
 
 
 def number(value: object, unit: str = "") -> str:

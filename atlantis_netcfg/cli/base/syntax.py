@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from atlantis_netcfg.cli.base.inventory_names import Values, folder_of, kind_of, names
+from atlantis_netcfg.cli.base import inventory_names
 from atlantis_netcfg.core.errors import UsageError, nearest
 
 if TYPE_CHECKING:
@@ -40,11 +40,11 @@ class Group(Enum):
 
 
 _VALUES = {
-    "site": Values.SITE,
-    "only": Values.HOST,
-    "host": Values.HOST,
-    "vehicle": Values.VEHICLE,
-    "partner": Values.PARTNER,
+    "site": inventory_names.Values.SITE,
+    "only": inventory_names.Values.HOST,
+    "host": inventory_names.Values.HOST,
+    "vehicle": inventory_names.Values.VEHICLE,
+    "partner": inventory_names.Values.PARTNER,
 }
 """By the name of a word: what it means in every command."""
 _LONG = 30
@@ -61,13 +61,13 @@ class Word:
     many: bool = False
     choices: tuple[str, ...] = ()
     example: str = ""
-    values: Values | None = None
+    values: inventory_names.Values | None = None
     """Where it is not what the name of the word says."""
     bare: bool = False
     """Its value may be typed alone: `provision init FOLDER`; with `many`, several one after the other."""
 
     @property
-    def value_kind(self) -> Values | None:
+    def value_kind(self) -> inventory_names.Values | None:
         """What its values are; None where nobody but the person knows them."""
         return self.values or _VALUES.get(self.name)
 
@@ -352,10 +352,14 @@ class _WordReader:
 
     def _suggest_word(self, argument: str, flag: str | None) -> str | None:
         """The word that takes this name of the inventory, or nearly a site's: `site=coastal` for `coastal`."""
-        folder = folder_of(self._typed)
-        kind = kind_of(folder, argument)
-        if kind is None and flag is None and (near := nearest(argument, names(folder, Values.SITE))) is not None:
-            kind, argument = Values.SITE, near
+        folder = inventory_names.folder_of(self._typed)
+        kind = inventory_names.kind_of(folder, argument)
+        if (
+            kind is None
+            and flag is None
+            and (near := nearest(argument, inventory_names.names(folder, inventory_names.Values.SITE))) is not None
+        ):
+            kind, argument = inventory_names.Values.SITE, near
         word = next(
             (word for word in self.command.words if word.value_kind is not None and word.value_kind is kind), None
         )
