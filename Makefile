@@ -76,7 +76,7 @@ campaign: ## run the long tests: every cut point, every kill point, many seeds
 
 satcom: ## the satellite tests of the report over an emulated link, as root (ARGS='--cell-s 60 --write'; --help)
 	@tools/develop system
-	PYTHONPATH=.:tests/integration/vpn:tests/integration/dds:tests/integration/satcom python -P -m satcom_campaign $(ARGS)
+	PYTHONPATH=.:tests/integration/vpn/network:tests/integration/computers/dds:tests/integration/computers/satcom python -P -m satcom_campaign $(ARGS)
 
 test-arm64: ## boot a gateway's card on the gateways' processor, emulated; once per release, takes half an hour
 	@tools/develop system tests/system-packages-arm64.txt

@@ -279,7 +279,7 @@ def own_state(state_of_tests: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(autouse=True, scope="session")
 def weak_seals() -> Iterator[None]:
-    """Seal with a passphrase at once; tests/unit/vpn_pki/test_pki_seal.py asks for the real strength."""
+    """Seal with a passphrase at once; tests/unit/vpn/pki/test_pki_seal.py asks for the real strength."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("atlantis_netcfg.vpn.pki.age_file.WORK_FACTOR", 4)
         yield

@@ -29,10 +29,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PACKAGE = ROOT / "atlantis_netcfg"
-ENGINE = ("integration/engine", "integration/pair", "unit/packages")
+ENGINE = ("integration/routeros/engine", "integration/routeros/pair", "unit/routeros/packages")
 PARTS: dict[str, tuple[Sequence[str], Sequence[str], Sequence[str]]] = {
     "routeros": (("routeros",), ("routeros", "plan", "pair"), ENGINE),
-    "rules": (("inventory/rules",), ("declaration", "errors"), ()),
+    "rules": (("inventory/rules",), ("inventory", "errors"), ()),
     "vpn": (("vpn",), ("vpn", "vpn-server"), ()),
     "checklist": (("checklist",), ("checklist", "probes", "reports"), ()),
     "runs": (("runs",), ("journal", "operations", "reports"), ()),

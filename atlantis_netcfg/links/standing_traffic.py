@@ -4,9 +4,9 @@ Canaries, time servers, the keep-alives and renegotiations of the VPN, the annou
 `StandingFlow` in bytes a day as they cross the link, with all headers, those of the VPN too. Here is the arithmetic
 alone; `operations.standing` fills it from the declaration and from what is rendered of it. Nothing here does I/O.
 
-The sizes are measured, and `tests/integration/dds` (`test_standing_bytes.py`, `test_topic_bytes.py`) holds them against
-a real OpenVPN and real participants. Not in any figure: how the tunnel comes up, answers of ARP, what people do, and a
-link that loses packets.
+The sizes are measured; `tests/integration/computers/dds` (`test_standing_bytes.py`, `test_topic_bytes.py`) holds them
+against a real OpenVPN and real participants. Not in any figure: how the tunnel comes up, answers of ARP, what people
+do, and a link that loses packets.
 """
 
 from __future__ import annotations

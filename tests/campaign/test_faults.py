@@ -69,8 +69,8 @@ def play(seeds: tuple[int, ...], folder: Path, references: Path) -> list[dict[st
 
 def _paths() -> Iterator[Path]:
     yield CHECKOUT / "tests"
-    yield CHECKOUT / "tests/integration/provision"
-    yield CHECKOUT / "tests/integration/upgrade"
+    yield CHECKOUT / "tests/integration/cli/provision"
+    yield CHECKOUT / "tests/integration/routeros/upgrade"
 
 
 def report(records: list[dict[str, Any]], folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 The clone finds the packages of the shared checkout, which the launcher has fetched for test_first_start.py, and makes
 them its own as it does in a checkout that was moved.
-For a machine of the gateway the rehearsal would make a Debian; tests/integration/machine does that.
+For a machine of the gateway the rehearsal would make a Debian; tests/integration/emulator/lab does that.
 """
 
 import json

@@ -103,7 +103,7 @@ MENUS += (
 MENUS += (of_schema("/system/watchdog", noun="watchdog", kinds={"watch-address": Address(words=("none",))}),)
 """,
     )
-    engine = str(CHECKOUT / "tests/integration/engine")
+    engine = str(CHECKOUT / "tests/integration/routeros/engine")
     ended, refused, exported = json.loads(product.run("-c", CONVERGED, path=engine))
     assert ended == [["changed", 1], ["unchanged", 0]]
     assert refused[-1] == "=message=invalid value for argument watch-address"

@@ -1,7 +1,8 @@
 """Robots of a site's LAN and a control centre, joined by a real OpenVPN: heard in seconds, and again after 70 s.
 
-The stand is that of tests/integration/vpn: the routers' tunnels carry DDS between the LANs, with the product's firewall
-at the server. Mock robots and listeners have the profile that the product writes for them. All share one outage.
+The stand is that of tests/integration/vpn/network: the routers' tunnels carry DDS between the LANs, with the product's
+firewall at the server. Mock robots and listeners have the profile that the product writes for them. All share one
+outage.
 """
 
 import json

@@ -1,0 +1,288 @@
+"""`provision init`: what is written from answers, what is refused, and that it is all or nothing."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+import yaml
+from hints_said import advised
+from schema_reader import EditorLoader, files, problems, schema_of
+
+from atlantis_netcfg.cli import main
+from atlantis_netcfg.cli.inventory import _encrypt
+from atlantis_netcfg.core.errors import ExitCode, UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.new_inventory.answers import InventoryAnswers, LteAnswers, PilotAnswers, SiteAnswers
+from atlantis_netcfg.inventory.new_inventory.questions import Interview, Question, wrong
+from atlantis_netcfg.inventory.new_inventory.yaml_text import Tree, Value, VaultSecret, document
+from atlantis_netcfg.operations.common.vault import Vault
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SHIPPED = Path(__file__).parents[4] / "inventory"
+LEAST = """\
+pilot: {name: Douro, country: belgium}
+sites:
+  pier: {lte: {}, wifi_bridge: {}}
+  boat: {wifi_bridge: {}, satellite: {}, gateway: {}, cable: {}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("ANSIBLE_VAULT_PASSWORD_FILE", raising=False)
+    monkeypatch.delenv("ANSIBLE_VAULT_IDENTITY_LIST", raising=False)
+    Path("answers.yml").write_text(LEAST, encoding="utf-8")
+
+
+def test_what_is_not_answered_is_left_out_or_a_marked_example(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    said = capsys.readouterr().out.splitlines()
+    assert advised(said[2]) == [["validate", "inventory=douro", "--examples"]]
+    assert main(advised(said[2])[0]) == ExitCode.DONE
+    assert "  group_vars/pier.yml:" in capsys.readouterr().out
+    assert said[0] == "douro: written and checked, no errors, 12 hosts at 3 sites"
+    declaration = load(Path("douro"))
+    assert said[1] == f"{len(declaration.examples)} values are examples: only rehearsals use this inventory."
+    assert declaration.pilot.example_values
+    assert declaration.pilot.time_zone == "Europe/Brussels"
+    assert declaration.pilot.dds is None
+    assert all(bearer.billing is None for site in declaration.sites.values() for bearer in site.bearers)
+    assert all(vehicle.endpoints.wifi is None for vehicle in declaration.vehicles.values())
+    keys = {example.key for example in declaration.examples}
+    assert keys >= {"frequency_mhz", "rtt_ms", "network", "canaries", "password", "endpoint"}
+
+
+def test_the_schema_accepts_every_file(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "folder=douro", "--answers", "answers.yml", "--json"]) == ExitCode.DONE
+    assert len(json.loads(capsys.readouterr().out)["hosts"]) == 12
+    for path in files(Path("douro").absolute()):
+        schema = schema_of(path)
+        assert schema is not None
+        assert problems(path, schema) == [], path
+
+
+def test_the_example_is_copied_whole(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "mine", "--from", "example"]) == ExitCode.DONE
+    assert "13 hosts at 3 sites" in capsys.readouterr().out
+    copied = {path.relative_to("mine"): path.read_bytes() for path in Path("mine").rglob("*") if path.is_file()}
+    shipped = {path.relative_to(SHIPPED): path.read_bytes() for path in SHIPPED.rglob("*") if path.is_file()}
+    assert {name: data for name, data in copied.items() if name != Path("README.md")} == shipped
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["douro", "--from", "nothing"], "`--from nothing` is not known"),
+        (["douro", "--from", "example", "--answers", "answers.yml"], "`--from` and `--answers` exclude each other"),
+        (["douro", "boat", "--answers", "answers.yml"], "cannot place this word"),
+        (["no/such/folder", "--answers", "answers.yml"], "the folder above no/such/folder does not exist"),
+        (["answers.yml", "--from", "example"], "answers.yml is no folder"),
+        (["douro", "--answers", "nowhere.yml"], "the answers cannot be read: nowhere.yml"),
+        (["douro"], "nobody is here to answer questions, so nothing was written"),
+    ],
+)
+def test_what_is_refused(words: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", *words]) == ExitCode.USAGE
+    assert message in capsys.readouterr().err
+    assert [path.name for path in Path().iterdir()] == ["answers.yml"]
+
+
+def test_a_folder_with_something_in_it_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("douro").mkdir()
+    Path("douro/letter.txt").write_text("mine", encoding="utf-8")
+    assert main(["init", "douro", "--from", "example"]) == ExitCode.USAGE
+    assert "douro has something in it" in capsys.readouterr().err
+    assert [path.name for path in Path("douro").iterdir()] == ["letter.txt"]
+
+
+def test_an_empty_folder_is_taken() -> None:
+    Path("douro").mkdir()
+    assert main(["init", "douro", "--from", "example"]) == ExitCode.DONE
+
+
+def test_wrong_answers_are_told_with_their_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("answers.yml").write_text(
+        "pilot: {name: Douro, country: spain}\nsites:\n  pier:\n    lan: 10.0.0.0/30\n    lte: {}\n", encoding="utf-8"
+    )
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    said = capsys.readouterr().err.splitlines()
+    assert said[0].startswith("answers.yml:1:31: `spain` is no word for `country`")
+    assert said[2:4] == ["answers.yml:4:10: 10.0.0.0/30 is too small here", "  -> a network of /26 or larger"]
+    assert said[-1] == "2 errors in the answers; nothing was written"
+    assert not Path("douro").exists()
+
+
+def test_a_site_is_not_called_like_the_control_centre(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("answers.yml").write_text(LEAST.replace("pier:", "scc:"), encoding="utf-8")
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    assert "`scc` is the name of the control centre and of a site" in capsys.readouterr().err
+
+
+def test_answers_that_contradict_each_other_leave_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("answers.yml").write_text(
+        "pilot: {name: Douro, country: portugal}\nsites:\n  pier: {lan: 10.80.0.0/24, lte: {}}\n", encoding="utf-8"
+    )
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.USAGE
+    said = capsys.readouterr().err
+    assert "overlaps 10.80.0.0/24 of the LAN of `pier` (douro/group_vars/pier.yml:" in said
+    assert "nothing was written" in said
+    assert [path.name for path in Path().iterdir()] == ["answers.yml"]
+
+
+def test_passwords_are_made_new_and_encrypted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    password = tmp_path / "password"
+    password.write_text("of a test\n", encoding="utf-8")
+    monkeypatch.setenv("ANSIBLE_VAULT_PASSWORD_FILE", str(password))
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.is_configured", lambda: True)
+    sealed: list[str] = []
+
+    def encrypt(_: object, text: str) -> str:
+        sealed.append(text)
+        return f"$ANSIBLE_VAULT;1.1;AES256\n{len(sealed):04}"
+
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.Vault.encrypt", encrypt)
+    assert main(["init", "douro", "--answers", "answers.yml"]) == ExitCode.DONE
+    assert len(set(sealed)) == len(sealed) >= 8
+    assert min(map(len, sealed)) >= 20
+    written = "".join(path.read_text(encoding="utf-8") for path in files(Path("douro")))
+    assert not [secret for secret in sealed if secret in written]
+    assert "EXAMPLE-password" not in written
+    ends = [load(Path("douro")).hosts[host].device for host in ("boat-cpe", "scc-cpe-boat")]
+    assert ends[0].ptp.key == ends[1].ptp.key  # type: ignore[union-attr]  # both are CPEs
+
+
+def test_a_password_for_the_vault_is_typed_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("atlantis_netcfg.operations.common.vault.is_configured", lambda: False)
+    typed = iter(["of a test", "of a test", "of a test", "of a toast", ""])
+    monkeypatch.setattr("getpass.getpass", lambda _: next(typed))
+    encrypt = _encrypt(ask=True)
+    assert encrypt is not None
+    sealed = encrypt("the secret")
+    assert sealed.startswith("$ANSIBLE_VAULT;1.1;AES256\n")
+    assert Vault(lambda _: Secret("of a test")).decrypt(sealed) == "the secret"
+    with pytest.raises(UsageError, match="the two are not the same"):
+        _encrypt(ask=True)
+    assert _encrypt(ask=True) is None
+    assert _encrypt(ask=False) is None
+
+
+class TestInterview:
+    def interview(self, answers: list[str]) -> tuple[Interview, list[str], list[str]]:
+        waiting: Iterator[str] = iter(answers)
+        asked: list[str] = []
+        told: list[str] = []
+
+        def ask(prompt: str) -> str:
+            asked.append(prompt)
+            return next(waiting)
+
+        return Interview(ask, told.append), asked, told
+
+    def test_a_wrong_answer_is_asked_again(self) -> None:
+        interview, asked, told = self.interview(["10.0.0.0/30", "10.0.0.0", "10.0.0.0/24"])
+        assert interview.answer(SiteAnswers, Question("lan", "Local network")) == "10.0.0.0/24"
+        assert told == [
+            "10.0.0.0/30 is too small here: a network of /26 or larger",
+            "`10.0.0.0` has no prefix length: a network is wanted here: 10.0.0.0/24",
+        ]
+        assert asked == ["Local network [an EXAMPLE value]: "] * 3
+
+    def test_enter_leaves_it_out_where_that_is_allowed(self) -> None:
+        interview, _, _ = self.interview(["", "", "Douro"])
+        assert interview.answer(LteAnswers, Question("apn", "APN", "none")) is None
+        assert interview.answer(PilotAnswers, Question("name", "Name", "")) == "Douro"
+
+    def test_every_question_fits_a_line(self) -> None:
+        asked: list[str] = []
+        needed = {"Name of the pilot": "Douro", "Country": "portugal", "Short names": "pier"}
+
+        def ask(prompt: str) -> str:
+            asked.append(prompt)
+            if "(yes/no)" in prompt:
+                return "yes"
+            return next((answer for question, answer in needed.items() if prompt.startswith(question)), "")
+
+        answers = Interview(ask, asked.append).answers()
+        assert set(answers["sites"]["pier"]) == {"wifi_bridge", "cable", "lte", "satellite", "gateway"}
+        assert len(asked) > 50
+        assert [prompt for prompt in asked if len(prompt) > 76] == []
+
+    def test_a_site_needs_a_link(self) -> None:
+        nothing = ["", "", "", "", ""]
+        interview, _, told = self.interview([*nothing, *["no"] * 5, "no", "no", "no", "yes", "", "", "maybe", "no"])
+        assert interview.site() == {"satellite": {}}
+        assert told == ["A site needs a link: a bridge, a cable, 4G or a satellite.", "Type yes or no."]
+
+    def test_names_are_names_and_stand_once(self) -> None:
+        interview, _, told = self.interview(["", "pier,pier", "scc", "The Pier", "pier, boat"])
+        assert interview.names("Sites", "", other="scc") == ["pier", "boat"]
+        assert len(told) == 4
+
+    def test_numbers_and_lists_are_read_as_in_a_file(self) -> None:
+        interview, _, _ = self.interview(["60 20000 10000", "10.0.0.1, 10.0.0.2", "0.5"])
+        given = [interview.answer(LteAnswers, Question(key, key)) for key in ("rate", "canaries", "price_per_mb")]
+        assert given == [{"rtt_ms": 60, "up_kbps": 20000, "down_kbps": 10000}, ["10.0.0.1", "10.0.0.2"], 0.5]
+        assert wrong(LteAnswers, "rate", "60 fast") is not None
+
+
+def test_what_was_typed_is_kept_when_it_is_no_valid_inventory(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command that is advised then reads the kept answers, once they are corrected."""
+    typed: dict[str, Any] = yaml.safe_load(LEAST)
+    typed["sites"]["pier"]["lan"] = "10.80.0.0/24"
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("atlantis_netcfg.cli.inventory._source", lambda _: "questions")
+    monkeypatch.setattr(
+        "atlantis_netcfg.cli.inventory._ask_person", lambda: (InventoryAnswers.model_validate(typed), typed)
+    )
+    monkeypatch.setattr("atlantis_netcfg.cli.inventory._encrypt", lambda **_: None)
+    assert main(["init", "douro"]) == ExitCode.USAGE
+    (words,) = advised(capsys.readouterr().err.splitlines()[-1])
+    assert words == ["init", "douro", "--answers", "douro-answers.yml"]
+    here = Path.cwd()
+    monkeypatch.undo()
+    monkeypatch.chdir(here)
+    kept = Path("douro-answers.yml")
+    kept.write_text(kept.read_text(encoding="utf-8").replace("10.80.0.0/24", "10.30.0.0/24"), encoding="utf-8")
+    assert main(words) == ExitCode.DONE
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "plain",
+        "802.11",
+        "off",
+        "yes",
+        "null",
+        "a: b",
+        "it # says",
+        "- x",
+        "2026-11-25",
+        "08",
+        "'quoted'",
+        "é",
+        5,
+        0.5,
+        True,
+        None,
+    ],
+)
+def test_yaml_text_is_read_back_as_it_was(value: str | float | None) -> None:
+    tree: dict[str, Tree] = {
+        "a": {"b": [{"c": Value(value, is_example=True, comment="why")}, value]},
+        "s": VaultSecret("x\ny"),
+        "e": [],
+        "m": {},
+    }
+    text = document(tree, ["# one"])
+
+    read = yaml.load(text, Loader=EditorLoader)  # noqa: S506 - it is a SafeLoader
+    assert read == {"a": {"b": [{"c": value}, value]}, "s": "x\ny\n", "e": [], "m": {}}
+    assert "# why; EXAMPLE" in text

@@ -1,0 +1,353 @@
+"""What a proof asks, when it stops, and what it concludes."""
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
+
+import pytest
+from proving_router import Fake
+
+from atlantis_netcfg.core.errors import DeviceError, ExitCode, OutcomeUnknown, UsageError
+from atlantis_netcfg.core.events import Verdict
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.inventory.model import AllowedTarget, Bearer
+from atlantis_netcfg.links import BearerFinding
+from atlantis_netcfg.links.satellite import ExpectedOutcome, ProbeOutcome, SatelliteProbe
+from atlantis_netcfg.operations.allow_list_test.plan import BUDGET_BYTES, NothingToProve, resolve, tasks
+from atlantis_netcfg.operations.allow_list_test.prove import Proof, ProofPace, Proving
+from atlantis_netcfg.operations.allow_list_test.site import bills, previews, satellite_of
+from atlantis_netcfg.routeros.estimate import on_the_wire
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from atlantis_netcfg.routeros.api import Command, Reply, Session
+
+DECLARED = load(Path(__file__).parents[4] / "inventory")
+SATELLITE = satellite_of(DECLARED, "coastal", None)
+ADDED, STRANGER = "192.0.2.50", "203.0.113.3"
+
+
+async def no_wait(_seconds: float) -> None:
+    """The seconds are counted, not spent."""
+
+
+def bearer() -> Bearer:
+    """The satellite of coastal with one host that a person has added."""
+    added = AllowedTarget.model_validate({"name": "weather", "address": ADDED})
+    return SATELLITE.bearer.model_copy(update={"allow": (added,)})
+
+
+def proving(
+    *, open_filter: bool = False, try_all: bool = False, link: Bearer | None = None, window_s: float = 90.0
+) -> Proving:
+    made = SATELLITE.proving(DECLARED, open_filter=open_filter, try_all=try_all, is_rehearsal=True)
+    made.bearer = link or bearer()
+    made.pace = ProofPace(window_s=window_s, sleep=no_wait)
+    return made
+
+
+def prove(router: Fake, what: Proving | None = None) -> Proof:
+    return asyncio.run((what or proving()).run(cast("Session", router)))
+
+
+def told(proof: Proof) -> dict[str, tuple[str, str]]:
+    """Outcome and verdict by target; with the filter open, under the target's name and `open`."""
+    return {
+        f"{attempt.target}{' open' if attempt.filter_open else ''}": (attempt.outcome.value, finding.verdict.value)
+        for attempt, finding in proof.results
+    }
+
+
+def test_an_allowed_host_is_reached_after_a_gap_and_a_stranger_refused_by_the_router() -> None:
+    router = Fake(beyond={ADDED: 14})
+    proof = prove(router)
+    found = told(proof)
+    assert found[ADDED] == ("answered", "PASS")
+    assert found[STRANGER] == ("refused here", "PASS")
+    (attempt,) = [one for one, _ in proof.results if one.target == ADDED]
+    assert attempt.after_s == 70
+    assert proof.exit is ExitCode.CHECKS_FAILED, "four targets could not be tried"
+    assert proof.kept_off == 7 + 3
+    assert proof.bytes_counted == 15 * 84 + 84
+
+
+def test_what_cannot_be_tried_is_told_as_that() -> None:
+    found = told(prove(Fake(beyond={ADDED: 0})))
+    assert found["203.0.113.2 udp 1194"] == ("not tried", "INCONCLUSIVE")
+    assert found["203.0.113.2 tcp 1195"] == ("not tried", "INCONCLUSIVE")
+    assert len(found) == 6
+
+
+def test_a_proof_of_every_target_is_done() -> None:
+    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
+    proof = prove(router, proving(try_all=True, link=only))
+    assert {verdict for _, verdict in told(proof).values()} == {"PASS"}
+    assert proof.exit is ExitCode.DONE
+
+
+@pytest.mark.parametrize(
+    ("verdict", "code"), [(Verdict.WARN, 0), (Verdict.INCONCLUSIVE, 6), (Verdict.FAIL, 6), (Verdict.ERROR, 6)]
+)
+def test_what_is_found_beside_the_targets_counts_as_well(verdict: Verdict, code: int) -> None:
+    only = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    router = Fake(active=True, counts_after=3, tells_time=True, tells_both=True)
+    proof = prove(router, proving(try_all=True, link=only))
+    assert replace(proof, findings=(BearerFinding(verdict, "allow-list-name", "it has moved"),)).exit == code
+
+
+def test_an_allowed_host_that_stays_silent_for_the_window_fails() -> None:
+    proof = prove(Fake())
+    assert told(proof)[ADDED] == ("silent", "FAIL")
+    assert proof.exit is ExitCode.CHECKS_FAILED
+
+
+def test_a_short_window_proves_nothing_about_silence() -> None:
+    assert told(prove(Fake(), proving(window_s=45.0)))[ADDED] == ("silent", "INCONCLUSIVE")
+
+
+def test_a_filter_that_somebody_has_opened_is_a_leak() -> None:
+    proof = prove(Fake(beyond={ADDED: 0, STRANGER: 0}, open=True))
+    assert told(proof)[STRANGER] == ("answered", "FAIL")
+    assert proof.exit is ExitCode.CHECKS_FAILED
+
+
+@pytest.mark.parametrize(("answers", "outcome", "verdict"), [(True, "answered", "WARN"), (False, "silent", "PASS")])
+def test_with_the_filter_open_for_one_host_the_terminal_decides(answers: bool, outcome: str, verdict: str) -> None:  # noqa: FBT001 - a case
+    router = Fake(beyond={ADDED: 0, **({STRANGER: 0} if answers else {})})
+    proof = prove(router, proving(open_filter=True))
+    assert told(proof)[f"{STRANGER} open"] == (outcome, verdict)
+    assert told(proof)[STRANGER] == ("refused here", "PASS")
+    assert (router.rows, router.held) == ([], False)
+    assert [command.path for command in router.sent if command.path.startswith("/safe-mode/")] == [
+        "/safe-mode/take",
+        "/safe-mode/print",
+        "/safe-mode/release",
+    ]
+    added = [dict(command.arguments) for command in router.sent if command.path == "/ip/firewall/filter/add"]
+    assert [row["chain"] for row in added] == ["to-satellite", "from-satellite"]
+    assert {row["protocol"] for row in added} == {"icmp"}
+    assert {row.get("dst-address") or row.get("src-address") for row in added} == {STRANGER}
+    assert proof.exit is ExitCode.CHECKS_FAILED, "the VPN and the time could not be tried"
+
+
+def test_the_filter_stays_closed_where_nothing_takes_the_opening_back() -> None:
+    router = Fake(beyond={ADDED: 0}, safe_mode=False)
+    with pytest.raises(DeviceError, match="nothing was changed for the proof: no such command prefix"):
+        prove(router, proving(open_filter=True))
+    assert not any(command.path == "/ip/firewall/filter/add" for command in router.sent)
+
+
+def test_safe_mode_is_looked_at_again_where_the_first_look_was_answered_before_it_was_taken() -> None:
+    class Shuffled(Fake):
+        async def flight(self, commands: "Sequence[Command]", *, silence_s: float | None = None) -> "list[Reply]":
+            takes = [command.path for command in commands] == ["/safe-mode/take", "/safe-mode/print"]
+            replies = await super().flight(commands[::-1] if takes else commands, silence_s=silence_s)
+            return replies[::-1] if takes else replies
+
+    router = Shuffled(beyond={ADDED: 0})
+    assert told(prove(router, proving(open_filter=True)))[f"{STRANGER} open"] == ("silent", "PASS")
+    assert (router.rows, router.held) == ([], False)
+
+
+def test_a_filter_that_may_still_be_open_is_never_called_closed() -> None:
+    with pytest.raises(OutcomeUnknown, match="does not say that the rows of the proof are gone"):
+        prove(Fake(beyond={ADDED: 0}, stuck=True), proving(open_filter=True))
+
+
+def test_over_a_link_that_answers_nowhere_nothing_is_called_refused_beyond() -> None:
+    plain = proving(open_filter=True, link=SATELLITE.bearer)
+    assert told(prove(Fake(), plain))[f"{STRANGER} open"] == ("silent", "INCONCLUSIVE")
+
+
+def test_the_budget_stops_it() -> None:
+    router = Fake(burst_bytes=BUDGET_BYTES)
+    assert told(prove(router))[ADDED] == ("silent", "INCONCLUSIVE")
+    assert len([command for command in router.sent if ("address", ADDED) in command.arguments]) == 1
+
+
+def test_a_session_over_the_satellite_itself_is_expected_and_paid() -> None:
+    """The router of the vessel is reached over the satellite that is proved."""
+    found = satellite_of(DECLARED, "te4sea", None)
+    what = found.proving(DECLARED, is_rehearsal=True)
+    assert what.carrier == "satellite"
+    (expected,) = previews(DECLARED, what)
+    assert expected.words.startswith("over satellite of te4sea, which is paid by the byte: up to ")
+    what.port = "ether3"
+    proof = prove(Fake(burst_bytes=2_000), what)
+    (bill,) = bills(DECLARED, proof, 90.0).values()
+    assert bill.payload_bytes == proof.bytes_counted + on_the_wire(4 * 100, 1)
+    assert expected.bill.payload_bytes >= bill.payload_bytes > 3_000
+
+
+def test_a_session_over_another_link_is_told_beside_the_satellite() -> None:
+    what = SATELLITE.proving(DECLARED, is_rehearsal=True, via="4g")
+    session, pings = previews(DECLARED, what)
+    assert [one.link.name for one in (session, pings)] == ["4g", "satellite"]
+    assert session.bill.payload_bytes > pings.bill.payload_bytes == 2 * 18 * 84
+    proof = prove(Fake(), what)
+    paid = bills(DECLARED, proof, 90.0)
+    assert {name: bill.payload_bytes for name, bill in paid.items()} == {
+        "satellite": proof.bytes_counted,
+        "4g": on_the_wire(proof.session_bytes, 1),
+    }
+    with pytest.raises(UsageError, match="no such bearer"):
+        SATELLITE.proving(DECLARED, is_rehearsal=True, via="4h")
+
+
+def test_pings_alone_keep_far_below_the_budget() -> None:
+    assert proving(open_filter=True).expected_bytes <= BUDGET_BYTES / 2
+    assert prove(Fake()).bytes_counted < BUDGET_BYTES / 2
+
+
+def test_while_the_satellite_carries_the_traffic_the_tunnels_answers_are_counted() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, active=True, counts_after=3))
+    assert proof.active
+    assert told(proof)["203.0.113.2 udp 1194"] == ("answered", "PASS")
+    assert told(proof)["192.0.2.123 udp 123"] == ("silent", "INCONCLUSIVE")
+
+
+@pytest.mark.parametrize(("tunnel", "verdict"), [("false", "FAIL"), ("true", "INCONCLUSIVE"), (None, "INCONCLUSIVE")])
+def test_silence_counts_only_while_the_tunnel_is_down_and_asks(tunnel: str | None, verdict: str) -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, active=True, tunnel=tunnel))
+    assert told(proof)["203.0.113.2 udp 1194"] == ("silent", verdict)
+
+
+@pytest.mark.parametrize(
+    ("terminal", "factory", "code"),
+    [(True, False, None), (False, True, "box-in-wrong-subnet"), (False, False, "box-silent")],
+)
+def test_a_terminal_in_the_wrong_subnet_is_found_by_arp(terminal: bool, factory: bool, code: str | None) -> None:  # noqa: FBT001 - a case
+    proof = prove(Fake(beyond={ADDED: 0}, terminal=terminal, at_factory=factory))
+    assert [finding.code for finding in proof.findings] == ([] if code is None else [code])
+
+
+def test_a_port_that_somebody_has_renamed_is_asked_by_the_name_that_it_has() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}, terminal=True, at_factory=True, port_name="starlink"))
+    assert [finding.code for finding in proof.findings] == ["factory-address-answers"]
+
+
+def test_a_port_that_the_router_does_not_ask_on_is_not_called_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    router = Fake(beyond={ADDED: 0}, terminal=True, port_name="starlink")
+    monkeypatch.setattr(router, "_port", lambda: replace(Fake()._port()))
+    proof = prove(router)
+    assert [(finding.verdict, finding.code) for finding in proof.findings] == [(Verdict.INCONCLUSIVE, "box-not-asked")]
+
+
+def over_tcp() -> Bearer:
+    """The satellite of coastal with a web page that a person has added, and one that must be refused."""
+    words = {"address": ADDED, "port": 443, "transport": "tcp"}
+    added = AllowedTarget.model_validate({"name": "weather", **words})
+    refused = AllowedTarget.model_validate({"name": "ours", **words, "address": STRANGER})
+    return SATELLITE.bearer.model_copy(update={"allow": (added,), "refused_probes": (refused,)})
+
+
+@pytest.mark.parametrize(("connects", "seen"), [(True, ("answered", "PASS")), (False, ("silent", "FAIL"))])
+def test_a_tcp_target_is_tried_by_a_row_that_is_gone_afterwards(connects: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+    router = Fake(connects=connects)
+    assert told(prove(router, proving(try_all=True, link=over_tcp())))[f"{ADDED} tcp 443"] == seen
+    assert (router.rows, router.held) == ([], False)
+    added = [dict(command.arguments) for command in router.sent if command.path == "/tool/netwatch/add"]
+    assert [(row["type"], row["host"], row["port"]) for row in added] == [
+        ("tcp-conn", ADDED, "443"),
+        ("tcp-conn", STRANGER, "443"),
+    ]
+    assert {row["src-address"] for row in added} == {"10.10.2.2"}
+
+
+@pytest.mark.parametrize("connects", [True, False])
+def test_what_did_not_go_out_over_the_satellite_proves_nothing(connects: bool) -> None:  # noqa: FBT001 - a case
+    rule = {"chain": "to-satellite", "action": "return", "dst-address": ADDED, "dst-port": "443", "protocol": "tcp"}
+    router = Fake(connects=connects, more_rules=({**rule, "packets": "3"},))
+    proof = prove(router, proving(try_all=True, link=over_tcp()))
+    assert told(proof)[f"{ADDED} tcp 443"] == ("not tried", "INCONCLUSIVE")
+    assert "the router has counted nothing to it over the satellite" in proof.as_text()
+
+
+@pytest.mark.parametrize(
+    ("asks", "tells", "seen"),
+    [
+        (True, True, ("answered", "PASS")),
+        (True, False, ("silent", "FAIL")),
+        (False, True, ("not tried", "INCONCLUSIVE")),
+    ],
+)
+def test_the_time_client_is_led_over_the_satellite_and_back(asks: bool, tells: bool, seen: tuple[str, str]) -> None:  # noqa: FBT001 - a case
+    router = Fake(beyond={ADDED: 0}, asks_time=asks, tells_time=tells)
+    assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == seen
+    assert (router.clock, router.rows, router.held) == (["no", "yes"], [], False)
+    ways = [dict(command.arguments) for command in router.sent if command.path == "/routing/rule/add"]
+    assert [(row["dst-address"], row["table"], row["place-before"], row.get("src-address")) for row in ways] == [
+        ("192.0.2.123/32", "via-satellite", "*A", None),
+        ("192.0.2.124/32", "via-satellite", "*A", None),
+        # The site's own packets to it, which have other senders, stay where they are.
+        ("203.0.113.2/32", "via-satellite", "*A", "10.10.2.2/32"),
+    ]
+
+
+def test_while_the_satellite_carries_the_traffic_the_time_needs_no_way_of_its_own() -> None:
+    router = Fake(beyond={ADDED: 0}, active=True, tells_time=True)
+    assert told(prove(router, proving(try_all=True)))["192.0.2.123 udp 123"] == ("answered", "PASS")
+    assert not any(command.path == "/routing/rule/add" for command in router.sent)
+
+
+def test_without_a_word_no_row_is_added() -> None:
+    router = Fake(beyond={ADDED: 0})
+    prove(router, proving(link=over_tcp()))
+    reading = ("/print", "/tool/ping")
+    assert [command.path for command in router.sent if not command.path.endswith(reading)] == []
+
+
+def test_nothing_is_concluded_from_nothing() -> None:
+    alone = SATELLITE.bearer.model_copy(update={"refused_probes": ()})
+    proof = prove(Fake(), proving(link=alone))
+    assert {finding.verdict for _, finding in proof.results} == {Verdict.INCONCLUSIVE}
+    assert proof.exit is ExitCode.NOTHING
+
+
+def test_the_vpns_address_is_not_pinged_over_a_link_that_it_does_not_take() -> None:
+    whole = AllowedTarget.model_validate({"name": "VPN host", "address": "203.0.113.2"})
+    link = SATELLITE.bearer.model_copy(update={"allow": (whole,)})
+    by_activity = {
+        active: next(task for task in tasks(DECLARED.pilot, link, active=active) if task.name == "VPN host")
+        for active in (False, True)
+    }
+    assert by_activity[False].probe is SatelliteProbe.NONE
+    assert by_activity[True].probe is SatelliteProbe.ICMP
+
+
+def test_every_target_of_the_shipped_sites_is_planned_once() -> None:
+    for site, refused in (("coastal", 2), ("te4sea", 0)):
+        planned = tasks(DECLARED.pilot, satellite_of(DECLARED, site, None).bearer, active=True)
+        assert [task.expectation for task in planned] == [ExpectedOutcome.REACHED] * 3 + [
+            ExpectedOutcome.REFUSED
+        ] * refused
+        assert all((task.probe is SatelliteProbe.NONE) == bool(task.why_not) for task in planned)
+
+
+@pytest.mark.parametrize(("site", "name", "words"), [("scc", None, "no satellite link"), ("coastal", "4g", "`4g`")])
+def test_a_site_without_the_link_has_nothing_to_prove(site: str, name: str | None, words: str) -> None:
+    with pytest.raises(NothingToProve, match=words):
+        satellite_of(DECLARED, site, name)
+
+
+def test_names_are_asked_at_once_and_silence_is_told_from_absence() -> None:
+    answers = {"a.example.org": frozenset({"192.0.2.1"}), "b.example.org": frozenset[str](), "c.example.org": None}
+    assert asyncio.run(resolve([*answers, "a.example.org"], ask=answers.__getitem__)) == answers
+    assert asyncio.run(resolve([])) == {}
+
+
+def test_json_holds_what_text_says() -> None:
+    proof = prove(Fake(beyond={ADDED: 0}))
+    data = proof.as_json()
+    assert data["exit"] == 6
+    assert {row["target"]: row["outcome"] for row in data["targets"]}[ADDED] == ProbeOutcome.ANSWERED
+    text = proof.as_text()
+    assert all(finding.message in text for _, finding in proof.results)
+    assert data["left_out"] == (
+        "far end of measurements (203.0.113.2 udp 862): `provision qualify site=coastal link=satellite` tries it"
+    )
+    assert f"SKIP         {data['left_out']}" in text
+    assert "2 of 6 targets proved, 4 could not be tried" in text

@@ -1,0 +1,379 @@
+"""4G units of other makes in a run: set, read back, judged; each driver by a variant of the shipped inventory."""
+
+import json
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from atlantis_netcfg.emulator.modem import AtModemSpec, RunningModem
+from atlantis_netcfg.emulator.rutos import RunningRutos, Rutos, RutosNetwork, RutosSim, RutosSpec
+from atlantis_netcfg.links.lte import rutos_read
+from atlantis_netcfg.operations.lte.run import perform
+from atlantis_netcfg.runs import Journal, JournalError, Store
+
+SHIPPED = Path(__file__).parents[4] / "inventory"
+NAME = "te4sea-4g"
+RIGHT, WRONG = (rf'!vault "$ANSIBLE_VAULT;1.1;AES256\n{pin.encode().hex()}"' for pin in ("98979695", "97959391"))
+"""Vaulted as far as the loader can see; `opened` is the way back."""
+SECRETS = ("EXAMPLE-4g-te4sea", "EXAMPLE-4g-admin-te4sea", "98979695", "97959391", "EXAMPLE-apn-password")
+ADMIN = "\n    admin_user: root\n    admin_password: EXAMPLE-4g-admin-te4sea"
+BASE = """\
+---
+device:
+  kind: lte_router
+  address: 10.10.9.1
+  powered_by: {device: te4sea-router, port: ether1}
+"""
+
+
+def opened(text: str) -> str:
+    return bytes.fromhex(text.rsplit(maxsplit=1)[-1]).decode()
+
+
+@dataclass(slots=True)
+class Deck:
+    """The vessel's inventory, and what stands at the place of its 4G unit."""
+
+    folder: Path
+    stack: ExitStack
+    target: dict[str, Any] | None = None
+    told: list[dict[str, Any]] = field(default_factory=list)
+
+    def declare(self, text: str) -> None:
+        (self.folder / "inventory/host_vars/te4sea-4g.yml").write_text(BASE + text, encoding="utf-8")
+
+    def rutos(self, sim: str = "apn: internet", *, admin: bool = True) -> None:
+        access = f"user: provision\n    password: EXAMPLE-4g-te4sea{ADMIN if admin else ''}"
+        self.declare(f"  driver: rutos\n  access:\n    {access}\n  sim: {{{sim}}}\n")
+
+    def unit(self, name: str = "unit", **said: Any) -> Rutos:  # noqa: ANN401 (fields of RutosSpec)
+        users = {"reader": "provision", "reader_password": SECRETS[0], "admin_password": SECRETS[1]}
+        spec = RutosSpec(name=NAME, **{"serial_number": "1000000001", **users, **said})
+        running = self.stack.enter_context(RunningRutos(spec, self.folder / name))
+        at = running.ready
+        keys = {"host": "host", "port": "https", "pin": "pin", "ssh": "ssh", "host_key": "host_key"}
+        self.target = {ours: at[theirs] for ours, theirs in keys.items()}
+        return running.unit
+
+    def run(self, mode: str = "apply", **asked: Any) -> dict[str, Any]:  # noqa: ANN401 (fields of Request)
+        reader, writer = os.pipe()
+        request = {
+            "state": str(self.folder / "state"),
+            "mode": mode,
+            "rehearsed": True,
+            "targets": {NAME: self.target} if self.target is not None else {},
+            "events_fd": writer,
+            **asked,
+        }
+        try:
+            hosts = (NAME, "te4sea-router")
+            outcome = perform(self.folder / "inventory", hosts, request, plan_only=False, decrypt=opened)
+        finally:
+            os.close(writer)
+            with os.fdopen(reader) as lines:
+                self.told = [json.loads(line) for line in lines]
+        (result,) = outcome["per_host"].values()
+        assert not [secret for secret in SECRETS if secret in json.dumps([outcome, self.told])]
+        return dict(result)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.folder / "state", is_rehearsal=True)
+
+
+@pytest.fixture
+def deck(tmp_path: Path) -> Iterator[Deck]:
+    shutil.copytree(SHIPPED, tmp_path / "inventory")
+    with ExitStack() as stack:
+        yield Deck(tmp_path, stack)
+    kept = [path for path in (tmp_path / "state").rglob("*") if path.is_file()]
+    assert not [path for path in kept for secret in SECRETS if secret in path.read_text(encoding="utf-8")]
+
+
+def ends(result: dict[str, Any]) -> tuple[str, int, int]:
+    return result["status"], result["exit"], result["planned"]
+
+
+def test_set_read_back_and_the_second_time_nothing(deck: Deck) -> None:
+    deck.rutos("apn: internet, user: one, password: EXAMPLE-apn-password")
+    twin = deck.unit(sim=RutosSim(apn="internet", is_listed=False))
+    first = deck.run()
+    assert ends(first) == ("changed", 0, 6)
+    assert first["message"] == "6 settings applied and verified; registered home (EXAMPLE-OPERATOR lte B3)"
+    assert (first["ok"], first["changed"], first["confirmed"]) == (True, True, 6)
+    assert first["diff"].splitlines()[:2] == [
+        "- set network.mob1s1a1.auto_apn='1'",
+        "+ set network.mob1s1a1.auto_apn='0'",
+    ]
+    assert twin.modem.settings["password"] == "EXAMPLE-apn-password"
+    after = twin.export()
+    second = deck.run()
+    assert ends(second) == ("unchanged", 0, 0)
+    assert (second["changed"], second["diff"], second["serial"]) == (False, "", "1000000001")
+    assert (twin.export(), twin.shell.reloads) == (after, 1)
+
+
+def test_the_journal_tells_what_was_about_to_be_set(deck: Deck) -> None:
+    deck.rutos()
+    deck.unit()
+    deck.run()
+    (run,) = deck.store.runs("te4sea")
+    kinds = [str(record.kind) for record in run.log.records]
+    assert kinds == [
+        *("run-started", "state-saved", "planned", "layer-sent", "actions-confirmed", "outcome", "run-ended")
+    ]
+    assert (run.exit, run.confirmed_actions(NAME), run.settled_devices) == (0, (1, 2, 3), frozenset({NAME}))
+    before = run.before(NAME)
+    assert before is not None
+    assert "network.mob1s1a1.auto_apn='1'" in before.text()
+
+
+def test_a_plan_changes_nothing_and_only_what_was_agreed_to_is_set(deck: Deck) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    before = twin.export()
+    planned = deck.run("plan")
+    assert ends(planned) == ("planned", 2, 3)
+    assert (twin.export(), twin.shell.reloads, deck.store.runs("te4sea")) == (before, 0, ())
+    other = deck.run(plans={NAME: "0" * 64})
+    assert ends(other) == ("left-as-found", 4, 0)
+    assert "no longer what was agreed to" in other["message"]
+    assert twin.export() == before
+    assert ends(deck.run(plans={NAME: planned["plan_hash"]})) == ("changed", 0, 3)
+
+
+def test_without_an_admin_it_is_checked_only(deck: Deck) -> None:
+    deck.rutos(admin=False)
+    twin = deck.unit()
+    result = deck.run()
+    assert ends(result) == ("unchanged", 0, 0)
+    assert result["message"].startswith("checked only; registered home")
+    assert "no `admin_user` is declared" in result["notes"][-1]
+    assert twin.shell.commands == []
+
+
+def test_the_right_pin_is_tried_once(deck: Deck) -> None:
+    deck.rutos(f"pin: {RIGHT}")
+    twin = deck.unit(sim=RutosSim(pin="98979695"))
+    assert ends(deck.run()) == ("changed", 0, 2)
+    assert (twin.modem.attempts, twin.modem.registration) == (1, "Registered, home")
+    assert ends(deck.run()) == ("unchanged", 0, 0)
+    assert twin.modem.attempts == 1
+
+
+def test_a_wrong_pin_reaches_the_sim_once_whatever_is_declared_afterwards(deck: Deck) -> None:
+    deck.rutos(f"pin: {WRONG}, roaming: true")
+    twin = deck.unit(sim=RutosSim(pin="98979695"))
+    first = deck.run()
+    assert (first["exit"], twin.modem.attempts, first["planned"], first["confirmed"]) == (6, 1, 1, 0)
+    assert first["message"].startswith("0 settings applied and verified, the PIN taken back; ")
+    assert "pincode" not in twin.export()
+    assert "the SIM has refused the PIN, and it is not tried again; tries left: 2" in first["message"]
+    second = deck.run()
+    assert ends(second) == ("left-as-found", 4, 0)
+    assert second["message"].startswith("left as found, nothing was set: the PIN was sent at ")
+    assert "unlock the SIM in a telephone" in second["hint"]
+    deck.rutos(f"pin: {RIGHT}, apn: internet")
+    assert ends(deck.run()) == ("left-as-found", 4, 0)
+    assert (twin.modem.attempts, twin.shell.reloads) == (1, 1)
+    (mark,) = (deck.folder / "state").rglob("*.tried")
+    mark.unlink()
+    assert ends(deck.run()) == ("changed", 0, 4)
+    assert (twin.modem.attempts, twin.modem.registration) == (2, "Registered, home")
+    assert ends(deck.run()) == ("unchanged", 0, 0)
+
+
+def test_once_the_sim_was_seen_unlocked_another_pin_may_be_tried(deck: Deck) -> None:
+    deck.rutos(f"pin: {WRONG}, roaming: true")
+    deck.unit("locked", sim=RutosSim(pin="98979695"))
+    assert deck.run()["exit"] == 6
+    deck.unit("unlocked-in-a-telephone")
+    assert ends(deck.run()) == ("unchanged", 0, 0)
+    deck.rutos(f"pin: {RIGHT}, roaming: true")
+    twin = deck.unit("locked-again", sim=RutosSim(pin="98979695"))
+    assert ends(deck.run()) == ("changed", 0, 1)
+    assert twin.modem.attempts == 1
+
+
+@pytest.mark.parametrize(
+    ("sim", "said", "words"),
+    [
+        ("apn: internet", {"sim": RutosSim(pin="98979695")}, "the SIM asks for a PIN and none is declared"),
+        (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=0)}, "asks for its PUK"),
+        (f"pin: {RIGHT}", {"sim": RutosSim(pin="98979695", tries=1)}, "the SIM has one try left, which is a person's"),
+    ],
+)
+def test_a_locked_card_is_left_alone(deck: Deck, sim: str, said: dict[str, Any], words: str) -> None:
+    deck.rutos(sim)
+    twin = deck.unit(**said)
+    before = twin.export()
+    result = deck.run()
+    assert ends(result) == ("left-as-found", 4, 0)
+    assert words in result["message"]
+    assert (twin.modem.attempts, twin.shell.reloads, twin.export()) == (0, 0, before)
+
+
+@pytest.mark.parametrize(
+    ("sim", "said", "code"),
+    [
+        ("apn: internet", {"network": RutosNetwork(plmn="20601")}, "roaming-not-allowed"),
+        ("roaming: true", {"sim": RutosSim(apn="internet", is_listed=False)}, "apn-missing"),
+        ("apn: wrong", {"sim": RutosSim(apn="internet")}, "no-address"),
+        ("apn: internet", {"sim": None}, "sim-missing"),
+        ("apn: internet", {"network": RutosNetwork(denies=True)}, "registration-denied"),
+        ("apn: internet", {"network": RutosNetwork(silent=True)}, "searching"),
+    ],
+)
+def test_each_fault_has_its_message(deck: Deck, sim: str, said: dict[str, Any], code: str) -> None:
+    deck.rutos(sim)
+    deck.unit(**said)
+    result = deck.run()
+    finding = next(one for one in result["findings"] if one["verdict"] == "FAIL")
+    assert finding["code"] == code
+    assert result["exit"] == 6
+    assert finding["message"] in result["message"]
+    assert result["hint"] == finding["hint"]
+    assert not result["ok"]
+    again = deck.run()
+    assert (ends(again), again["findings"]) == (("unchanged", 6, 0), result["findings"])
+
+
+def test_roaming_that_is_declared_is_a_warning(deck: Deck) -> None:
+    deck.rutos("apn: internet, roaming: true")
+    deck.unit(network=RutosNetwork(plmn="20601"))
+    result = deck.run()
+    assert ends(result) == ("changed", 0, 2)
+    assert result["notes"][0].startswith("WARN: the SIM roams in EXAMPLE-OPERATOR")
+
+
+def test_a_unit_that_does_not_keep_what_it_is_told(deck: Deck) -> None:
+    deck.rutos()
+    deck.unit().shell.mute = True
+    result = deck.run()
+    assert ends(result) == ("left-as-found", 4, 0)
+    assert "0 of 3 settings were kept; not kept: network.mob1s1a1.auto_apn" in result["message"]
+
+
+def test_a_session_that_is_lost_while_the_network_reloads_is_opened_again(deck: Deck) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    twin.shell.drops_on_reload = True
+    assert ends(deck.run()) == ("changed", 0, 3)
+    assert twin.shell.commands[-1] == "uci show network && uci show simcard"
+    assert ends(deck.run()) == ("unchanged", 0, 0)
+
+
+def test_another_firmware_is_refused(deck: Deck) -> None:
+    deck.rutos()
+    twin = deck.unit(mobile_section=False)
+    before = twin.export()
+    result = deck.run()
+    assert ends(result) == ("left-as-found", 4, 0)
+    assert "no mobile interface for slot 1" in result["message"]
+    assert twin.export() == before
+
+
+def test_another_unit_is_noticed_by_its_serial_number(deck: Deck) -> None:
+    deck.rutos()
+    deck.unit("one")
+    deck.run()
+    twin = deck.unit("other", serial_number="1000000002")
+    result = deck.run()
+    assert ends(result) == ("left-as-found", 4, 0)
+    assert "serial number 1000000002, and the one that was met is 1000000001" in result["message"]
+    assert twin.shell.commands == []
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"pin": "0" * 64}, "the certificate is not the one of this unit"),
+        ({"host_key": "SHA256:other"}, "the SSH host key is not the one"),
+        ({"port": 1}, "the 4G unit does not answer"),
+        ({"ssh": 1}, "no SSH session came about"),
+    ],
+)
+def test_who_does_not_prove_to_be_the_unit_is_told_nothing(deck: Deck, changed: dict[str, Any], words: str) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    assert deck.target is not None
+    deck.target |= changed
+    result = deck.run()
+    assert ends(result) == ("left-as-found", 4, 0)
+    assert words in result["message"]
+    assert twin.shell.commands == []
+
+
+def test_a_modem_by_at_is_compared_only(deck: Deck) -> None:
+    deck.declare("  driver: at\n  serial: /dev/ttyUSB2\n  sim: {apn: other}\n")
+    running = deck.stack.enter_context(RunningModem(AtModemSpec()))
+    deck.target = {"host": "", "port": 0, "pin": "", "serial": running.path}
+    result = deck.run()
+    assert ends(result) == ("unchanged", 0, 0)
+    assert result["notes"][0].startswith("WARN: the APN in use is internet, the declared one is other")
+    assert result["notes"][-1] == "driver at reads only: the SIM's settings are compared, and not set"
+    assert running.forbidden == []
+    first = {name: result[name] for name in ("status", "exit", "message", "notes", "quality")}
+    assert first == {name: value for name, value in deck.run().items() if name in first}
+
+
+@pytest.mark.parametrize(
+    ("driver", "message"),
+    [
+        ("modemmanager", "not looked at: there is no emulation for driver modemmanager"),
+        ("manual", "not checked: only a person can look at this 4G unit"),
+    ],
+)
+def test_what_was_not_checked_is_not_green(deck: Deck, driver: str, message: str) -> None:
+    deck.declare(f"  driver: {driver}\n")
+    result = deck.run()
+    assert (ends(result), result["message"]) == (("unchanged", 7, 0), message)
+    assert result["ok"]
+    if driver == "manual":
+        assert "http://10.10.9.1/" in result["notes"][0]
+
+
+def test_what_cannot_be_noted_is_not_done(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    before = twin.export()
+    write = Journal.write
+
+    def full(self: Journal, record: Any) -> None:  # noqa: ANN401 (any record)
+        if record.kind == "layer-sent":
+            raise JournalError("the journal cannot be written: no space left on device")
+        write(self, record)
+
+    monkeypatch.setattr(Journal, "write", full)
+    result = deck.run()
+    assert result["status"] == "left-as-found"
+    assert result["exit"] not in (0, 2)
+    assert "no space left on device" in result["message"]
+    assert (twin.export(), twin.shell.reloads) == (before, 0)
+
+
+def test_a_fault_of_ours_is_told_with_its_log(deck: Deck, monkeypatch: pytest.MonkeyPatch) -> None:
+    deck.rutos()
+    deck.unit()
+    monkeypatch.setattr(rutos_read, "read", lambda _endpoint: 1 // 0)
+    result = deck.run()
+    assert (result["exit"], result["status"]) == (1, "unknown")
+    assert "ZeroDivisionError" in result["message"]
+    assert list((deck.folder / "state" / "log").iterdir())
+    assert deck.store.runs("te4sea")[0].exit == 1
+
+
+def test_other_kinds_of_runs_are_none_of_ours(deck: Deck) -> None:
+    deck.rutos()
+    twin = deck.unit()
+    for asked in ({"mode": "drift"}, {"mode": "backup"}, {"back_to": "20260101T000000Z"}):
+        request = {"state": str(deck.folder / "state"), "rehearsed": True, "targets": {NAME: deck.target}, **asked}
+        done = perform(deck.folder / "inventory", (NAME,), request, plan_only=False, decrypt=str)
+        assert done == {"per_host": {}}
+    assert twin.web.requests == []

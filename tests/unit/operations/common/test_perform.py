@@ -1,0 +1,80 @@
+"""What the doors get when something goes wrong before or beside the devices."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any, NoReturn
+
+import pytest
+
+from atlantis_netcfg.core.crash_report import InternalError
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.events import ignore
+from atlantis_netcfg.inventory import load
+from atlantis_netcfg.operations import Request, Target, apply
+from atlantis_netcfg.operations.common import session_link
+from atlantis_netcfg.operations.common.jobs import device_job
+from atlantis_netcfg.runs import NoJournal
+
+INVENTORY = Path(__file__).parents[4] / "inventory"
+
+
+def told(reader: int) -> list[dict[str, Any]]:
+    with os.fdopen(reader, encoding="utf-8") as lines:
+        return [json.loads(line) for line in lines]
+
+
+def test_a_fault_of_ours_goes_to_a_log_file_and_to_whoever_listens(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> NoReturn:
+        raise ZeroDivisionError("the password is swordfish")
+
+    monkeypatch.setattr(apply, "declaration_of", broken)
+    reader, writer = os.pipe()
+    request = {"state": str(tmp_path), "events_fd": writer, "command": "provision site=coastal"}
+    with pytest.raises(InternalError, match=r"^provision itself failed \(ZeroDivisionError\)") as caught:
+        apply.perform(INVENTORY, ["coastal-router"], request, plan_only=True, decrypt=str)
+    os.close(writer)
+    (log,) = (tmp_path / "log").iterdir()
+    assert caught.value.hint == f"please send us the log file {log}"
+    assert "ZeroDivisionError" in log.read_text(encoding="utf-8")
+    assert log.stat().st_mode & 0o077 == 0
+    assert told(reader) == [{"error": {"message": str(caught.value), "hint": caught.value.hint, "exit": 1}}]
+
+
+def test_example_values_never_leave_the_laptop(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="still holds example values"):
+        apply.perform(INVENTORY, ["coastal-router"], {"state": str(tmp_path)}, plan_only=True, decrypt=str)
+
+
+@pytest.mark.parametrize(
+    ("host", "via", "name", "rtt_s"),
+    [
+        ("coastal-router", None, "lan", 0.001),
+        ("coastal-router", "satellite", "satellite", 0.7),
+        ("te4sea-router", None, "satellite", 0.7),
+        ("te4sea-router", "lan", "lan", 0.001),
+    ],
+)
+def test_the_bearer_in_use_is_the_declared_one_or_the_one_named(
+    host: str, via: str | None, name: str, rtt_s: float
+) -> None:
+    declaration = load(INVENTORY)
+    bearer = session_link.bearer_of(declaration, declaration.hosts[host], via)
+    assert (bearer.name, bearer.rtt_s) == (name, rtt_s)
+
+
+def test_a_bearer_that_the_site_lacks_is_refused_with_those_it_has() -> None:
+    declaration = load(INVENTORY)
+    with pytest.raises(UsageError, match="coastal has no such bearer") as caught:
+        session_link.bearer_of(declaration, declaration.hosts["coastal-router"], "uplink")
+    assert caught.value.hint == "it has: lan, wifi-ptp, 4g, satellite"
+
+
+def test_the_guard_is_told_the_declared_address_also_where_a_twin_listens_elsewhere(tmp_path: Path) -> None:
+    declaration = load(INVENTORY)
+    target = Target(host="127.0.0.1", port=1, pin="00")
+    request = Request(state=tmp_path, rehearsed=True, targets={"coastal-router": target})
+    job = device_job(declaration, declaration.hosts["coastal-router"], request, NoJournal(), ignore)
+    assert (job.endpoint.host, job.endpoint.pin, job.address) == ("127.0.0.1", "00", "10.64.101.1")

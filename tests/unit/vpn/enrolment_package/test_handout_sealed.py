@@ -1,0 +1,230 @@
+"""The sealed file: the same inside for the same wish, opened by nobody else, and never unpacked into a surprise."""
+
+import hashlib
+import io
+import os
+import re
+import subprocess
+import tarfile
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pyrage
+import pytest
+from handout_mint import Wanted, identity
+
+from atlantis_netcfg.core.errors import UsageError
+from atlantis_netcfg.core.secret import Secret
+from atlantis_netcfg.inventory import Declaration, load
+from atlantis_netcfg.vpn import enrolment_package as handouts
+from atlantis_netcfg.vpn import pki
+from atlantis_netcfg.vpn.enrolment_package import (
+    NotAHandOut,
+    OneTimePassphrase,
+    Recipient,
+    WrongKey,
+    _as_made,
+    accept,
+    handout,
+    open_handout,
+    pack,
+    unpack,
+)
+from atlantis_netcfg.vpn.enrolment_package.profile import NotAnIdentity, read_identity
+from atlantis_netcfg.vpn.identity import MemberKind, MemberLink, Wrap
+
+NOW = datetime(2026, 11, 22, tzinfo=UTC)
+CONTACT = "Example Person"
+GATEWAY = Wanted("coastal-gateway", MemberKind.HOST, None, "10.80.0.21", MemberLink.SATELLITE)
+
+
+@pytest.fixture(scope="module")
+def declaration() -> Declaration:
+    return load(Path(__file__).parents[4] / "inventory")
+
+
+@pytest.fixture(scope="module")
+def key() -> pyrage.x25519.Identity:
+    return pyrage.x25519.Identity.generate()
+
+
+def sealed(declaration: Declaration, wanted: Wanted, key: pyrage.x25519.Identity) -> bytes:
+    return handout(declaration, identity(wanted), Recipient(str(key.to_public())), contact=CONTACT).data
+
+
+class TestSealing:
+    def test_by_a_passphrase_that_is_told(self, declaration: Declaration) -> None:
+        told = identity()
+        made = handout(declaration, told, OneTimePassphrase(), contact=CONTACT)
+        assert made.passphrase is not None
+        digits = made.passphrase.reveal()
+        assert re.fullmatch(r"\d{5}(-\d{5}){4}", digits)
+        assert (made.file_name, made.sha256) == ("inesc-laptop1.tar.age", hashlib.sha256(made.data).hexdigest())
+        assert digits not in repr(made)
+        assert read_identity(open_handout(made.data, Secret(digits.replace("-", " ")))["inesc-laptop1.ovpn"]) == told
+        with pytest.raises(WrongKey, match="this passphrase does not open the hand-out"):
+            open_handout(made.data, Secret("00000-00000-00000-00000-00000"))
+
+    @pytest.mark.parametrize(
+        ("typed", "read"),
+        [
+            (" 12345-67890-12345-67890-12345\n", "12345-67890-12345-67890-12345"),
+            ("1234567890123456789012345", "12345-67890-12345-67890-12345"),
+            ("12345 67890", "12345 67890"),
+            ("correct horse battery", "correct horse battery"),
+        ],
+    )
+    def test_digits_as_people_type_them(self, typed: str, read: str) -> None:
+        assert _as_made(Secret(typed)).reveal() == read
+
+    def test_for_a_key(self, declaration: Declaration, key: pyrage.x25519.Identity) -> None:
+        made = handout(declaration, identity(Wanted(generation=3)), Recipient(str(key.to_public())), contact=CONTACT)
+        assert (made.passphrase, made.file_name) == (None, "inesc-laptop1.3.tar.age")
+        assert "inesc-laptop1.ovpn" in open_handout(made.data, Secret(str(key)))
+        with pytest.raises(WrongKey, match="this key does not open the hand-out"):
+            open_handout(made.data, Secret(str(pyrage.x25519.Identity.generate())))
+
+    def test_for_a_key_that_is_none(self, declaration: Declaration) -> None:
+        with pytest.raises(pki.InvalidRecipientError):
+            handout(declaration, identity(), Recipient("age1nonsense"), contact=CONTACT)
+
+    @pytest.mark.parametrize(
+        "spoil",
+        [lambda data: data[:-60], lambda _: b"", lambda data: b"client\n" + data, lambda data: data.lower()],
+        ids=["cut", "empty", "another text", "changed"],
+    )
+    def test_damaged(
+        self, spoil: Callable[[bytes], bytes], declaration: Declaration, key: pyrage.x25519.Identity
+    ) -> None:
+        with pytest.raises(NotAHandOut, match="it is not sealed, or was damaged on its way"):
+            open_handout(spoil(sealed(declaration, Wanted(), key)), Secret(str(key)))
+
+    def test_age_and_tar_open_it_and_keep_it_private(
+        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+    ) -> None:
+        """As docs/vpn-partner.md says it, for a key of age and for one of SSH."""
+        ssh = tmp_path / "id_ed25519"
+        subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(ssh)], check=True)
+        own = tmp_path / "key.txt"
+        own.write_text(str(key))
+        publics = {own: str(key.to_public()), ssh: ssh.with_suffix(".pub").read_text().strip()}
+        for secret, public in publics.items():
+            made = handout(declaration, identity(), Recipient(public), contact=CONTACT)
+            place = tmp_path / f"of-{secret.stem}"
+            place.mkdir()
+            command = 'umask 022; age --decrypt --identity "$0" | tar -xf -'
+            subprocess.run(["sh", "-c", command, str(secret)], input=made.data, cwd=place, check=True)
+            files = list((place / "inesc-laptop1").iterdir())
+            assert {one.name for one in files} >= {"inesc-laptop1.ovpn", "README.txt", "self-test.py"}
+            assert {one.stat().st_mode & 0o777 for one in files} == {0o600}
+
+
+class TestArchive:
+    def test_the_same_bytes_for_the_same_wish(self, declaration: Declaration) -> None:
+        told = identity()
+        first, second = (handouts.contents(declaration, told, contact=CONTACT) for _ in range(2))
+        packed = pack("inesc-laptop1", first, 1793491200)
+        assert packed == pack("inesc-laptop1", second, 1793491200)
+        with tarfile.open(fileobj=io.BytesIO(packed)) as archive:
+            entries = archive.getmembers()
+        assert {(one.mode, one.mtime, one.uid, one.gid, one.uname, one.gname) for one in entries} == {
+            (0o600, 1793491200, 0, 0, "", "")
+        }
+        assert {one.name.partition("/")[0] for one in entries} == {"inesc-laptop1"}
+
+    @pytest.mark.parametrize(
+        "name", ["../x", "/etc/passwd", "a/../../x", "a", "a/b/c", ".ssh/id", "a/.bashrc", "a/b\n", "a/", "A/b", "a/-x"]
+    )
+    def test_names_that_lead_elsewhere(self, name: str) -> None:
+        packed = io.BytesIO()
+        with tarfile.open(fileobj=packed, mode="w") as archive:
+            archive.addfile(tarfile.TarInfo(name))
+        with pytest.raises(NotAHandOut, match="it contains"):
+            unpack(packed.getvalue())
+
+    @pytest.mark.parametrize(
+        "kind", [tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.DIRTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE]
+    )
+    def test_what_is_no_file(self, kind: bytes) -> None:
+        packed, entry = io.BytesIO(), tarfile.TarInfo("a/b")
+        entry.type, entry.linkname = kind, "/etc/passwd"
+        with tarfile.open(fileobj=packed, mode="w") as archive:
+            archive.addfile(entry)
+        with pytest.raises(NotAHandOut, match="it contains 'a/b'"):
+            unpack(packed.getvalue())
+
+    @pytest.mark.parametrize(
+        ("packed", "why"),
+        [
+            (pack("a", {}, 0), "it is empty"),
+            (pack("a", {"b": "1"}, 0)[:700], "what it contains cannot be read"),
+            (os.urandom(4096), "what it contains cannot be read"),
+            (bytes(1024 * 1024 + 1), "it is larger than 1048576 bytes"),
+            (pack("a", {f"b{number}": "" for number in range(21)}, 0), "it contains 'a/b20'"),
+        ],
+        ids=["empty", "cut", "noise", "large", "many"],
+    )
+    def test_what_is_no_archive(self, packed: bytes, why: str) -> None:
+        with pytest.raises(NotAHandOut, match=f"^this is no hand-out of the VPN: {re.escape(why)}$"):
+            unpack(packed)
+
+    def test_two_folders_and_one_name_twice(self) -> None:
+        first, second = pack("a", {"b": "1"}, 0)[:1024], pack("c", {"d": "2"}, 0)
+        with pytest.raises(NotAHandOut, match="it contains more than one folder"):
+            unpack(first + second)
+        with pytest.raises(NotAHandOut, match="it contains 'a/b'"):
+            unpack(first + pack("a", {"b": "2"}, 0))
+
+
+class TestAccept:
+    def test_kept_for_its_owner_alone(
+        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+    ) -> None:
+        data, folder = sealed(declaration, GATEWAY, key), tmp_path / "vpn"
+        first, again = (accept(declaration, data, Secret(str(key)), folder, now=NOW) for _ in range(2))
+        assert (first.already, again.already) == (False, True)
+        assert first.path == folder / "hosts" / "coastal-gateway.identity"
+        assert [one.stat().st_mode & 0o777 for one in (folder, first.path.parent, first.path)] == [0o700, 0o700, 0o600]
+        assert read_identity(first.path.read_text()) == first.identity
+        assert [one.name for one in first.path.parent.iterdir()] == ["coastal-gateway.identity"]
+
+    def test_a_newer_one_takes_its_place_and_an_older_one_does_not(
+        self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+    ) -> None:
+        old = sealed(declaration, GATEWAY, key)
+        later = GATEWAY.not_before + timedelta(days=300)
+        new = sealed(declaration, replace(GATEWAY, generation=2, not_before=later), key)
+        for data in (old, new):
+            kept = accept(declaration, data, Secret(str(key)), tmp_path, now=NOW)
+        with pytest.raises(UsageError, match="a newer identity of coastal-gateway is there already"):
+            accept(declaration, old, Secret(str(key)), tmp_path, now=NOW)
+        assert read_identity(kept.path.read_text()).certificate.common_name == "coastal-gateway.2"
+        kept.path.write_text("client\n")
+        assert not accept(declaration, old, Secret(str(key)), tmp_path, now=NOW).already
+
+    @pytest.mark.parametrize(
+        ("wanted", "why"),
+        [
+            (Wanted(), "it is for a partner's device, and not for a computer of the inventory"),
+            (replace(GATEWAY, name="coastal-gatway"), "coastal-gatway, which is no host of this inventory"),
+            (replace(GATEWAY, address="10.80.0.99"), "the address 10.80.0.99; the inventory declares 10.80.0.21"),
+            (replace(GATEWAY, not_after=NOW - timedelta(days=1)), "has expired on 2026-11-21"),
+        ],
+        ids=["a partner's", "another inventory's", "another address", "expired"],
+    )
+    def test_refused(
+        self, wanted: Wanted, why: str, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path
+    ) -> None:
+        with pytest.raises((UsageError, NotAnIdentity), match=why):
+            accept(declaration, sealed(declaration, wanted, key), Secret(str(key)), tmp_path / "vpn", now=NOW)
+        assert not (tmp_path / "vpn").exists()
+
+    def test_a_router_of_ours(self, declaration: Declaration, key: pyrage.x25519.Identity, tmp_path: Path) -> None:
+        """Its identity takes the same way; the toolkit itself brings it to the device."""
+        wanted = Wanted("coastal-router", MemberKind.ROUTER, None, "10.80.0.11", wrap=Wrap.TLS_CRYPT)
+        device = declaration.hosts["coastal-router"].device
+        assert str(getattr(getattr(device, "vpn_client", None), "address", "")) == wanted.address
+        kept = accept(declaration, sealed(declaration, wanted, key), Secret(str(key)), tmp_path, now=NOW)
+        assert kept.path.name == "coastal-router.identity"
